@@ -1,0 +1,241 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * fieldbus: a program, as bytes, on its way to a machine, and the commands around it.
+ *
+ * docs/protocol.md is the specification. Both ends are pure state machines,
+ * step(state, event, now) -> actions: FbDelivery on the agent's side, FbReceiver on the machine's.
+ * The sessions and servers below them own sockets and run in a GMainContext; nothing here sleeps.
+ * Times are microseconds of a monotonic clock (now_us), passed in.
+ */
+#ifndef FIELDBUS_FIELDBUS_H
+#define FIELDBUS_FIELDBUS_H
+
+#include <glib.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "config/config.h"
+
+typedef enum {
+    FB_ERROR_UNREACHABLE, /* no connection, or lost and not back in time */
+    FB_ERROR_PROTOCOL,    /* the peer answered what the protocol does not allow */
+    FB_ERROR_REFUSED,     /* the machine refused a command; the message has its reason */
+    FB_ERROR_ALARM,       /* the machine raised an alarm; code and text in the message */
+    FB_ERROR_LINK_LOST,   /* while running: the machine's state is UNKNOWN */
+    FB_ERROR_ABORTED,     /* a person aborted */
+} FbError;
+
+#define FB_ERROR fb_error_quark()
+GQuark fb_error_quark(void);
+
+typedef enum {
+    FB_STATE_OFF,
+    FB_STATE_IDLE,
+    FB_STATE_LOADING,
+    FB_STATE_VERIFYING,
+    FB_STATE_READY,
+    FB_STATE_RUNNING,
+    FB_STATE_HOLDING,
+    FB_STATE_HELD,
+    FB_STATE_PROGRAM_STOP,
+    FB_STATE_TOOL_CHANGE,
+    FB_STATE_ABORTING,
+    FB_STATE_COMPLETE,
+    FB_STATE_ALARM,
+    FB_STATE_ESTOP,
+    FB_STATE_UNKNOWN, /* agent's side only: the link is down */
+    FB_N_STATES
+} FbState;
+
+const char *fb_state_name(FbState state); /* "RUNNING" */
+
+typedef enum {
+    FB_COMMAND_NONE,
+    FB_COMMAND_LEASE,   /* take or renew; argument: token */
+    FB_COMMAND_RELEASE, /* give the lease up */
+    FB_COMMAND_OPEN,    /* id, length, gates */
+    FB_COMMAND_VERIFY,
+    FB_COMMAND_START,
+    FB_COMMAND_HOLD,   /* never needs the lease */
+    FB_COMMAND_RESUME,
+    FB_COMMAND_ABORT,  /* never needs the lease */
+    FB_COMMAND_ACKNOWLEDGE, /* clears COMPLETE; an alarm is acknowledged at the machine only */
+    FB_COMMAND_CLOSE,       /* forget the program: back to IDLE */
+    FB_N_COMMANDS
+} FbCommand;
+
+const char *fb_command_name(FbCommand command); /* "START" */
+
+typedef enum {
+    FB_ANSWER_NONE,
+    FB_ANSWER_DONE,
+    FB_ANSWER_WRONG_STATE,
+    FB_ANSWER_NO_LEASE,
+    FB_ANSWER_WRONG_EPOCH,
+    FB_ANSWER_WRONG_TRANSFER,
+    FB_ANSWER_GAP,       /* a chunk that is neither next nor a duplicate */
+    FB_ANSWER_CRC,
+    FB_ANSWER_CONFLICT,  /* a chunk below `received` with other bytes */
+    FB_ANSWER_TOO_LARGE,
+    FB_ANSWER_INCOMPLETE, /* VERIFY before the last byte */
+    FB_ANSWER_HASH,       /* the machine's hash is not the program's id */
+    FB_ANSWER_PROGRAM,    /* the machine cannot run it: see the alarm fields */
+    FB_ANSWER_MALFORMED,
+    FB_ANSWER_NEEDS_ACKNOWLEDGE, /* START wants an acknowledgement at the machine first */
+    FB_N_ANSWERS
+} FbAnswer;
+
+const char *fb_answer_name(FbAnswer answer);   /* "WRONG_STATE" */
+const char *fb_answer_advice(FbAnswer answer); /* one sentence: what to do */
+
+#define FB_TEXT_BYTES 96 /* longest alarm text on the wire, NUL-padded UTF-8 */
+
+/* What the machine publishes; every field is read in one transaction. */
+typedef struct {
+    uint16_t protocol_version;
+    FbState state;
+    uint32_t epoch;    /* new at each start of the machine */
+    uint32_t transfer; /* handle of the accepted program, 0: none */
+    uint64_t length;
+    uint64_t received;    /* length of the contiguous prefix */
+    uint64_t may_send_to; /* absolute offset: the sender's credit */
+    uint32_t line;        /* in execution, from 1; 0: none */
+    uint64_t executed_blocks; /* monotone over the life of the epoch */
+    uint32_t lease_owner;     /* public part of the owner's token; 0: free */
+    uint32_t command_seq;     /* last command taken, and its answer */
+    FbCommand command;
+    FbAnswer answer;
+    FbAnswer chunk_answer; /* of the last chunk */
+    uint16_t alarm_code;   /* 0: none */
+    uint16_t feed_override_percent, rapid_override_percent, spindle_override_percent;
+    int32_t tool;          /* in the spindle; 0: none */
+    double position_mm[3]; /* machine coordinates; resolution 1 µm on the wire */
+    double feed_mm_min;
+    double spindle_rpm;
+    uint32_t program_time_ms; /* of machine time in this run */
+    uint32_t heartbeat;       /* counts at least once a second while the machine is alive */
+    uint8_t sha256[32];       /* the machine's own hash after VERIFY, zeros before */
+    char alarm_text[FB_TEXT_BYTES];
+    char alarm_advice[FB_TEXT_BYTES];
+} FbStatus;
+
+/* --------------------------------------------------------------- machine's side */
+
+typedef struct {
+    uint32_t epoch; /* passed in: random or a counter kept by the machine, never 0 */
+    uint64_t memory_bytes;
+    CfgAgentLoss on_agent_loss;
+    int64_t agent_timeout_us;
+    int64_t lease_timeout_us;
+} FbReceiverOptions;
+
+/* What the machine has to do; the receiver has changed state already. */
+typedef enum {
+    FB_DO_VERIFY, /* read the program (fb_receiver_program), answer with FB_MACHINE_VERIFIED */
+    FB_DO_START,
+    FB_DO_HOLD,
+    FB_DO_HOLD_AT_GATE, /* the agent is lost: hold at the next gate */
+    FB_DO_RESUME,
+    FB_DO_ABORT,
+    FB_DO_FORGET, /* the program was closed */
+} FbDo;
+
+/* What the machine tells its receiver. */
+typedef enum {
+    FB_MACHINE_VERIFIED, /* ok */
+    FB_MACHINE_REFUSED,  /* alarm_code, text, advice say why; leads to ALARM-free LOADING end */
+    FB_MACHINE_RUNNING,
+    FB_MACHINE_HELD,
+    FB_MACHINE_PROGRAM_STOP,
+    FB_MACHINE_TOOL_CHANGE,
+    FB_MACHINE_COMPLETE,
+    FB_MACHINE_ABORTED,
+    FB_MACHINE_ALARM,
+    FB_MACHINE_ESTOP,
+    FB_MACHINE_ACKNOWLEDGED, /* by a person at the machine */
+} FbMachineEvent;
+
+/* What the machine shows, refreshed as often as it likes. */
+typedef struct {
+    uint32_t line;
+    uint64_t executed_blocks;
+    int32_t tool;
+    double position_mm[3];
+    double feed_mm_min, spindle_rpm;
+    uint32_t program_time_ms;
+} FbProgress;
+
+typedef struct {
+    uint16_t code;
+    const char *text;
+    const char *advice;
+} FbAlarm;
+
+typedef struct FbReceiver FbReceiver;
+
+FbReceiver *fb_receiver_new(const FbReceiverOptions *options);
+void fb_receiver_free(FbReceiver *receiver);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbReceiver, fb_receiver_free)
+
+/* Steps by a machine event; `alarm` for REFUSED, ALARM, ESTOP. Appends FbDo values to `actions`. */
+void fb_receiver_machine(FbReceiver *receiver, FbMachineEvent event, const FbAlarm *alarm,
+                         int64_t now_us, GArray *actions);
+void fb_receiver_progress(FbReceiver *receiver, const FbProgress *progress);
+
+/* Steps by time: lease and heartbeat. Returns when to call again, in µs of the same clock. */
+int64_t fb_receiver_tick(FbReceiver *receiver, int64_t now_us, GArray *actions);
+
+FbState fb_receiver_state(const FbReceiver *receiver);
+
+/* The program after FB_DO_VERIFY: the machine's own immutable copy, and its gates. */
+GBytes *fb_receiver_program(const FbReceiver *receiver);
+const uint64_t *fb_receiver_gates(const FbReceiver *receiver, size_t *n);
+
+/* Counters of what was refused, for the log: one per FbAnswer. */
+const uint64_t *fb_receiver_counts(const FbReceiver *receiver);
+
+/* A Modbus TCP server around a receiver. `act` is called for every FbDo. */
+typedef struct FbModbusServer FbModbusServer;
+FbModbusServer *fb_modbus_server_new(const char *host, uint16_t port, int unit_id,
+                                     FbReceiver *receiver, void (*act)(FbDo what, void *data),
+                                     void *data, GMainContext *context, GError **error);
+uint16_t fb_modbus_server_port(const FbModbusServer *server); /* what port 0 became */
+void fb_modbus_server_free(FbModbusServer *server);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbModbusServer, fb_modbus_server_free)
+
+/* ----------------------------------------------------------------- agent's side */
+
+/* A connection to one machine: reads the status at `heartbeat_s`, reconnects by closing, opening
+ * and READING, and never resends on an old connection. */
+typedef struct FbSession FbSession;
+
+typedef struct {
+    /* Every fresh status, and UNKNOWN when the link goes down. */
+    void (*status)(const FbStatus *status, void *data);
+    /* The delivery or command ended: error NULL on success; the callee does not own it. */
+    void (*done)(const GError *error, void *data);
+    void *data;
+} FbSessionCallbacks;
+
+/* `address` is modbus://host:port. Connects in the background. */
+FbSession *fb_session_new(const char *address, int unit_id, const CfgAgent *agent,
+                          const FbSessionCallbacks *callbacks, GMainContext *context,
+                          GError **error);
+void fb_session_free(FbSession *session);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbSession, fb_session_free)
+
+/* Lease, OPEN, chunks, VERIFY; `done` when the machine is READY with the program's own hash. */
+void fb_session_deliver(FbSession *session, GBytes *program, const uint64_t *gates,
+                        size_t n_gates);
+
+/* START of what was delivered, then follows it: `done` at COMPLETE, or with the error that ended
+ * it (alarm, abort, link lost). Only ever called for an explicit act of a person or controller. */
+void fb_session_start(FbSession *session);
+
+/* A single command: HOLD, RESUME, ABORT, ACKNOWLEDGE, CLOSE. */
+void fb_session_command(FbSession *session, FbCommand command);
+
+const FbStatus *fb_session_status(const FbSession *session);
+
+#endif

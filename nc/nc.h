@@ -1,0 +1,253 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * nc: from regions to one G-code program, and from G-code to moves and time.
+ *
+ * Workpiece coordinates: the part turned so that the setup's `up` is +Z and moved so that the
+ * setup's zero is the origin. Lengths in mm, areas mm², feeds mm/min, times s, angles rad.
+ * A tool's position is its tip (the lowest point of its axis), as G43 programs it.
+ */
+#ifndef NC_NC_H
+#define NC_NC_H
+
+#include <glib.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "config/config.h"
+#include "segcore/segcore.h"
+
+typedef enum {
+    NC_ERROR_PLAN,    /* the part, tools and recipe do not go together; the message says how */
+    NC_ERROR_PROGRAM, /* a block is wrong; line, column and word are named */
+    NC_ERROR_LIMIT,   /* a travel or speed limit of the machine is exceeded */
+} NcError;
+
+#define NC_ERROR nc_error_quark()
+GQuark nc_error_quark(void);
+
+/* -------------------------------------------------------------------------- setup */
+
+/* Part to workpiece: w = R·p + t. */
+typedef struct {
+    double rotation[3][3];
+    SegVec3 translation;
+} NcSetup;
+
+NcSetup nc_setup_new(const SegPart *part, CfgUp up, CfgZero zero);
+SegVec3 nc_setup_point(const NcSetup *setup, SegVec3 part_point);
+SegVec3 nc_setup_direction(const NcSetup *setup, SegVec3 part_direction);
+
+/* ------------------------------------------------------------------- drop-cutter */
+
+/* The cutting envelope of a tool turned about +Z: a torus of corner radius r at radius R - r, flat
+ * inside, cylinder of radius R above. flat: r = 0; ball: r = R. */
+typedef struct {
+    double radius_mm;
+    double corner_radius_mm;
+} NcCutter;
+
+NcCutter nc_cutter(const CfgTool *tool);
+
+/* Height of the cutter's profile above its tip at distance d from its axis; INFINITY for d > R. */
+double nc_cutter_height_mm(NcCutter cutter, double distance_mm);
+
+/* The whole part's triangles in workpiece coordinates, with a search structure. Immutable after
+ * nc_terrain_new, so it may be read from many threads. */
+typedef struct NcTerrain NcTerrain;
+
+/* `triangles` index `vertices`; both are copied. */
+NcTerrain *nc_terrain_new(const SegVec3 *vertices, size_t n_vertices,
+                          const int32_t (*triangles)[3], size_t n_triangles);
+NcTerrain *nc_terrain_from_part(const SegPart *part, const NcSetup *setup);
+void nc_terrain_free(NcTerrain *terrain);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcTerrain, nc_terrain_free)
+
+void nc_terrain_bounds(const NcTerrain *terrain, SegVec3 *min, SegVec3 *max);
+
+/*
+ * Drop-cutter: the lowest tip height at which the cutter, centred over (x,y), touches the terrain
+ * without entering it. Exact against facets, edges and vertices of every triangle; -INFINITY where
+ * nothing is under the cutter. `triangle` (may be NULL) gets the triangle touched, -1 if none;
+ * `contact` (may be NULL) the point touched.
+ */
+double nc_drop(const NcTerrain *terrain, NcCutter cutter, double x_mm, double y_mm,
+               int32_t *triangle, SegVec3 *contact);
+
+/* nc_drop at n places, OpenMP over them; results do not depend on the number of threads.
+ * `triangle` and `contact` may be NULL. */
+void nc_drop_batch(const NcTerrain *terrain, NcCutter cutter, size_t n, const double *x_mm,
+                   const double *y_mm, double *z_mm, int32_t *triangle, SegVec3 *contact);
+
+/*
+ * The deepest gouge of the straight move a → b: the greatest amount by which the cutter, moved
+ * along it, goes below the terrain, measured along +Z; at most 0 where it never does (then minus
+ * the smallest clearance found). At most `resolution_mm` below the true value.
+ */
+double nc_sweep_gouge_mm(const NcTerrain *terrain, NcCutter cutter, SegVec3 a, SegVec3 b,
+                         double resolution_mm);
+
+/* ------------------------------------------------------------------- toolpaths */
+
+typedef enum { NC_RAPID, NC_LEAD, NC_CUT, NC_LINK } NcMotionClass;
+
+typedef struct {
+    SegVec3 tip;
+    SegVec3 axis;  /* unit vector from tip to holder; (0,0,1) in three axes */
+    NcMotionClass motion; /* of the move that ENDS here */
+} NcLocation;
+
+/* Locations in order; GArray of NcLocation. */
+typedef struct {
+    GArray *locations;
+} NcToolpath;
+
+/* One region cut with one tool. */
+typedef struct {
+    int32_t region;     /* id in the segmentation */
+    char *region_name;
+    SegRegionKind kind;
+    CfgStrategy strategy;
+    const CfgTool *tool; /* owned by the tool table the plan was made with */
+    double feed_mm_min;
+    double plunge_mm_min;
+    double spindle_rpm;
+    double stepover_mm;
+    double direction_rad; /* of the planes, iso-planar */
+    NcToolpath path;
+    double length_mm; /* while cutting */
+    double air_mm;    /* rapids, leads and links */
+    int reversals;    /* turns sharper than 90° while cutting */
+    double estimated_s;
+    double requested_area_mm2;
+    double unreachable_area_mm2;
+} NcOperation;
+
+typedef struct {
+    CfgMethod method; /* of the segmentation it came from; CFG_METHOD_NONE in a baseline */
+    NcOperation *operations; /* in machining order */
+    size_t n_operations;
+    double clearance_mm; /* Z of rapid moves, workpiece coordinates */
+    double estimated_s;  /* whole program: tool changes and air too */
+    double length_mm, air_mm;
+    int reversals, tool_changes;
+    GPtrArray *notes; /* char *: what was left or skipped, and why */
+} NcPlan;
+
+typedef struct {
+    const SegPart *part;
+    const SegSegmentation *segmentation;
+    const CfgRecipe *recipe;
+    const CfgMachine *machine;
+    const CfgToolTable *tools;
+    void (*progress)(double done, void *data); /* 0 … 1; may be NULL */
+    void *progress_data;
+} NcPlanInput;
+
+/* Toolpaths for every region, ordered, linked and timed. */
+NcPlan *nc_plan_new(const NcPlanInput *input, GError **error);
+
+/* The baseline: the whole part as one region with the one tool that reaches everything. */
+NcPlan *nc_plan_baseline(const NcPlanInput *input, GError **error);
+void nc_plan_free(NcPlan *plan);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcPlan, nc_plan_free)
+
+const char *nc_strategy_name(CfgStrategy strategy); /* "iso-planar", … */
+
+/* --------------------------------------------------------------------- program */
+
+/* A program as delivered: bytes, their SHA-256, and the gates: ascending byte offsets, each just
+ * behind a block's newline where the tool is clear of the part. The last gate is the length. */
+typedef struct {
+    GBytes *bytes;
+    char sha256[65];
+    uint64_t *gates;
+    size_t n_gates;
+} NcProgram;
+
+/* Writes the plan in the machine's dialect. `header` lines become comments at the top (may be
+ * NULL). Errors: NC_ERROR_LIMIT where a move leaves the machine's travel. */
+NcProgram *nc_program_write(const NcPlan *plan, const CfgRecipe *recipe, const CfgMachine *machine,
+                            char *const *header, GError **error);
+
+/* Finds the gates of a program that segmill, or anyone, wrote: the blocks after which the tool is
+ * at or above the program's highest Z, or retracted by G28/G53. */
+NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
+                                 const CfgToolTable *tools, GError **error);
+void nc_program_free(NcProgram *program);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcProgram, nc_program_free)
+
+/* ------------------------------------------------------------- reading G-code */
+
+typedef enum {
+    NC_MOVE_RAPID,
+    NC_MOVE_FEED,
+    NC_MOVE_ARC,
+    NC_MOVE_DWELL,
+    NC_MOVE_TOOL_CHANGE,
+    NC_MOVE_SPINDLE,
+    NC_MOVE_COOLANT,
+    NC_MOVE_STOP,          /* M0 */
+    NC_MOVE_OPTIONAL_STOP, /* M1 */
+    NC_MOVE_END,           /* M2, M30 */
+} NcMoveKind;
+
+/* One canonical action of a block, in MACHINE coordinates of the tool's gauge point. */
+typedef struct {
+    NcMoveKind kind;
+    uint32_t line;    /* from 1 */
+    int32_t region;   /* of the last (REGION n …) comment; 0: none yet */
+    int tool;         /* in the spindle; for a tool change the new one */
+    SegVec3 from, to;
+    SegVec3 centre;   /* arcs */
+    int plane;        /* arcs: 17, 18, 19 */
+    int turn;         /* arcs: whole turns, positive anticlockwise: ±1 for up to one turn, ±2 … */
+    double feed_mm_min;
+    double spindle_rpm; /* positive clockwise (M3), negative M4, 0 off */
+    double dwell_s;
+    double tolerance_mm; /* G64 P in force; 0 with G61; INFINITY where G64 names none */
+    bool coolant_mist, coolant_flood;
+} NcMove;
+
+/* The modal state of an RS-274/NGC interpreter. */
+typedef struct NcInterpreter NcInterpreter;
+
+NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable *tools);
+void nc_interpreter_free(NcInterpreter *interpreter);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcInterpreter, nc_interpreter_free)
+
+/* Reads one block (no newline needed) and appends its NcMoves. Anything unknown is an error with
+ * line, column and the offending word; nothing is ignored. After an error the interpreter stays as
+ * it was before the block. */
+bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,
+                          GArray *moves, GError **error);
+
+/* A whole program; result is a GArray of NcMove. Checks travel limits of the machine too. */
+GArray *nc_read_program(const char *text, size_t length, const CfgMachine *machine,
+                        const CfgToolTable *tools, GError **error);
+
+/* ------------------------------------------------------------------ motion */
+
+/* How a move is driven: distance and trapezoidal speed over its own time. */
+typedef struct {
+    double start_s; /* since the program's start */
+    double duration_s;
+    double length_mm;
+    double v_in_mm_s, v_max_mm_s, v_out_mm_s;
+    double a_mm_s2; /* acceleration along the move; 0 for what does not move */
+} NcTimedMove;
+
+/*
+ * Plans the moves with the machine's accelerations: trapezoidal, per axis; corners taken at the
+ * speed that keeps the path tolerance in force (exact stop with G61); tool changes, spindle ramps
+ * and dwells take their times. Returns n NcTimedMoves (g_free); the end is last.start + duration.
+ */
+NcTimedMove *nc_motion_plan(const CfgMachine *machine, const NcMove *moves, size_t n);
+
+/* Position on a move after `t_s` seconds of it. */
+SegVec3 nc_motion_position(const NcMove *move, const NcTimedMove *timed, double t_s);
+
+/* Speed at that time, mm/s. */
+double nc_motion_speed_mm_s(const NcTimedMove *timed, double t_s);
+
+#endif
