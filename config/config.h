@@ -73,12 +73,12 @@ typedef struct {
 
 typedef struct {
     char *name;
-    char *dialect; /* "linuxcnc" */
+    char *dialect;   /* "linuxcnc" */
     CfgAxis axis[3]; /* X, Y, Z */
     double spindle_min_rpm, spindle_max_rpm;
     double spindle_rpm_per_s;
     double tool_change_s;
-    double tool_change_mm[3]; /* machine coordinates */
+    double tool_change_mm[3];    /* machine coordinates */
     double work_offset_mm[6][3]; /* G54 … G59 */
     uint64_t program_memory_bytes;
     CfgAgentLoss on_agent_loss;
@@ -92,8 +92,14 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(CfgMachine, cfg_machine_free)
 
 /* ----------------------------------------------------------------------- recipe */
 
-typedef enum { CFG_UP_PLUS_X, CFG_UP_MINUS_X, CFG_UP_PLUS_Y, CFG_UP_MINUS_Y, CFG_UP_PLUS_Z,
-               CFG_UP_MINUS_Z } CfgUp;
+typedef enum {
+    CFG_UP_PLUS_X,
+    CFG_UP_MINUS_X,
+    CFG_UP_PLUS_Y,
+    CFG_UP_MINUS_Y,
+    CFG_UP_PLUS_Z,
+    CFG_UP_MINUS_Z
+} CfgUp;
 
 /* Where the work zero lies on the part's bounding box, after `up` has been turned to +Z. */
 typedef enum {
@@ -105,7 +111,11 @@ typedef enum {
 } CfgZero;
 
 typedef enum { CFG_STOCK_NEAR_NET } CfgStockKind;
-typedef enum { CFG_STRATEGY_AUTO, CFG_STRATEGY_ISO_PLANAR, CFG_STRATEGY_ISO_PARAMETRIC } CfgStrategy;
+typedef enum {
+    CFG_STRATEGY_AUTO,
+    CFG_STRATEGY_ISO_PLANAR,
+    CFG_STRATEGY_ISO_PARAMETRIC
+} CfgStrategy;
 typedef enum { CFG_METHOD_FEATURE_SIZE, CFG_METHOD_NONE } CfgMethod;
 typedef enum { CFG_REPAIR_EXACT, CFG_REPAIR_RULE, CFG_REPAIR_POINTS } CfgRepair;
 
@@ -125,7 +135,7 @@ typedef struct {
     double chord_mm; /* 0: taken from tolerance_mm */
     CfgUp up;
     CfgZero zero;
-    int wcs; /* 54 … 59 */
+    int wcs;             /* 54 … 59 */
     double clearance_mm; /* safe height above the stock */
     int32_t *keep_out;   /* faces that are not machined */
     size_t n_keep_out;
@@ -137,8 +147,8 @@ typedef struct {
     int *use_tools; /* tool numbers; none: all of the table */
     size_t n_use_tools;
     double scallop_mm, tolerance_mm, stock_to_leave_mm;
-    double overlap_mm;   /* neighbouring regions, against witness lines */
-    bool one_way;        /* else zigzag */
+    double overlap_mm; /* neighbouring regions, against witness lines */
+    bool one_way;      /* else zigzag */
     CfgMethod method;
     struct {
         CfgRepair repair;
@@ -183,7 +193,7 @@ typedef struct {
     size_t n_machines;
     double reply_timeout_s; /* no answer for this long: close, reconnect, read */
     double reconnect_s;     /* pause before a reconnect */
-    double give_up_s;       /* unreachable for this long: exit 4 before the start, 7 while running */
+    double give_up_s; /* unreachable for this long: exit 4 before the start, 7 while running */
     double heartbeat_s;
 } CfgAgent;
 

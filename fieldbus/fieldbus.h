@@ -57,9 +57,9 @@ typedef enum {
     FB_COMMAND_OPEN,    /* id, length, gates */
     FB_COMMAND_VERIFY,
     FB_COMMAND_START,
-    FB_COMMAND_HOLD,   /* never needs the lease */
+    FB_COMMAND_HOLD, /* never needs the lease */
     FB_COMMAND_RESUME,
-    FB_COMMAND_ABORT,  /* never needs the lease */
+    FB_COMMAND_ABORT,       /* never needs the lease */
     FB_COMMAND_ACKNOWLEDGE, /* clears COMPLETE; an alarm is acknowledged at the machine only */
     FB_COMMAND_CLOSE,       /* forget the program: back to IDLE */
     FB_N_COMMANDS
@@ -74,9 +74,9 @@ typedef enum {
     FB_ANSWER_NO_LEASE,
     FB_ANSWER_WRONG_EPOCH,
     FB_ANSWER_WRONG_TRANSFER,
-    FB_ANSWER_GAP,       /* a chunk that is neither next nor a duplicate */
+    FB_ANSWER_GAP, /* a chunk that is neither next nor a duplicate */
     FB_ANSWER_CRC,
-    FB_ANSWER_CONFLICT,  /* a chunk below `received` with other bytes */
+    FB_ANSWER_CONFLICT, /* a chunk below `received` with other bytes */
     FB_ANSWER_TOO_LARGE,
     FB_ANSWER_INCOMPLETE, /* VERIFY before the last byte */
     FB_ANSWER_HASH,       /* the machine's hash is not the program's id */
@@ -98,9 +98,9 @@ typedef struct {
     uint32_t epoch;    /* new at each start of the machine */
     uint32_t transfer; /* handle of the accepted program, 0: none */
     uint64_t length;
-    uint64_t received;    /* length of the contiguous prefix */
-    uint64_t may_send_to; /* absolute offset: the sender's credit */
-    uint32_t line;        /* in execution, from 1; 0: none */
+    uint64_t received;        /* length of the contiguous prefix */
+    uint64_t may_send_to;     /* absolute offset: the sender's credit */
+    uint32_t line;            /* in execution, from 1; 0: none */
     uint64_t executed_blocks; /* monotone over the life of the epoch */
     uint32_t lease_owner;     /* public part of the owner's token; 0: free */
     uint32_t command_seq;     /* last command taken, and its answer */
@@ -226,8 +226,7 @@ void fb_session_free(FbSession *session);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbSession, fb_session_free)
 
 /* Lease, OPEN, chunks, VERIFY; `done` when the machine is READY with the program's own hash. */
-void fb_session_deliver(FbSession *session, GBytes *program, const uint64_t *gates,
-                        size_t n_gates);
+void fb_session_deliver(FbSession *session, GBytes *program, const uint64_t *gates, size_t n_gates);
 
 /* START of what was delivered, then follows it: `done` at COMPLETE, or with the error that ended
  * it (alarm, abort, link lost). Only ever called for an explicit act of a person or controller. */

@@ -57,8 +57,8 @@ double nc_cutter_height_mm(NcCutter cutter, double distance_mm);
 typedef struct NcTerrain NcTerrain;
 
 /* `triangles` index `vertices`; both are copied. */
-NcTerrain *nc_terrain_new(const SegVec3 *vertices, size_t n_vertices,
-                          const int32_t (*triangles)[3], size_t n_triangles);
+NcTerrain *nc_terrain_new(const SegVec3 *vertices, size_t n_vertices, const int32_t (*triangles)[3],
+                          size_t n_triangles);
 NcTerrain *nc_terrain_from_part(const SegPart *part, const NcSetup *setup);
 void nc_terrain_free(NcTerrain *terrain);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcTerrain, nc_terrain_free)
@@ -93,7 +93,7 @@ typedef enum { NC_RAPID, NC_LEAD, NC_CUT, NC_LINK } NcMotionClass;
 
 typedef struct {
     SegVec3 tip;
-    SegVec3 axis;  /* unit vector from tip to holder; (0,0,1) in three axes */
+    SegVec3 axis;         /* unit vector from tip to holder; (0,0,1) in three axes */
     NcMotionClass motion; /* of the move that ENDS here */
 } NcLocation;
 
@@ -104,7 +104,7 @@ typedef struct {
 
 /* One region cut with one tool. */
 typedef struct {
-    int32_t region;     /* id in the segmentation */
+    int32_t region; /* id in the segmentation */
     char *region_name;
     SegRegionKind kind;
     CfgStrategy strategy;
@@ -124,7 +124,7 @@ typedef struct {
 } NcOperation;
 
 typedef struct {
-    CfgMethod method; /* of the segmentation it came from; CFG_METHOD_NONE in a baseline */
+    CfgMethod method;        /* of the segmentation it came from; CFG_METHOD_NONE in a baseline */
     NcOperation *operations; /* in machining order */
     size_t n_operations;
     double clearance_mm; /* Z of rapid moves, workpiece coordinates */
@@ -195,13 +195,13 @@ typedef enum {
 /* One canonical action of a block, in MACHINE coordinates of the tool's gauge point. */
 typedef struct {
     NcMoveKind kind;
-    uint32_t line;    /* from 1 */
-    int32_t region;   /* of the last (REGION n …) comment; 0: none yet */
-    int tool;         /* in the spindle; for a tool change the new one */
+    uint32_t line;  /* from 1 */
+    int32_t region; /* of the last (REGION n …) comment; 0: none yet */
+    int tool;       /* in the spindle; for a tool change the new one */
     SegVec3 from, to;
-    SegVec3 centre;   /* arcs */
-    int plane;        /* arcs: 17, 18, 19 */
-    int turn;         /* arcs: whole turns, positive anticlockwise: ±1 for up to one turn, ±2 … */
+    SegVec3 centre; /* arcs */
+    int plane;      /* arcs: 17, 18, 19 */
+    int turn;       /* arcs: whole turns, positive anticlockwise: ±1 for up to one turn, ±2 … */
     double feed_mm_min;
     double spindle_rpm; /* positive clockwise (M3), negative M4, 0 off */
     double dwell_s;

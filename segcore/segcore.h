@@ -71,27 +71,29 @@ typedef struct {
     SegVec3 origin;     /* parameters of the original surface, where `type` is elementary: */
     SegVec3 axis;       /*   plane: normal; cylinder, cone, sphere, torus: main axis */
     SegVec3 x_axis;
-    double radius_mm;       /* cylinder, sphere; cone: at origin; torus: major */
-    double minor_radius_mm; /* torus */
-    double half_angle_rad;  /* cone */
-    int32_t type;           /* SegSurfaceType of the original surface */
-    int32_t reversed;       /* 1: the outward normal is -(Su × Sv) */
+    double radius_mm;            /* cylinder, sphere; cone: at origin; torus: major */
+    double minor_radius_mm;      /* torus */
+    double half_angle_rad;       /* cone */
+    int32_t type;                /* SegSurfaceType of the original surface */
+    int32_t reversed;            /* 1: the outward normal is -(Su × Sv) */
     int32_t first_loop, n_loops; /* the outer loop first, where there is one */
     int32_t first_triangle, n_triangles;
-    int32_t iges_type, iges_de;        /* the face's own entity (144, 143, 510, 114, …), 0: none */
+    int32_t iges_type, iges_de; /* the face's own entity (144, 143, 510, 114, …), 0: none */
     int32_t iges_surface_type, iges_surface_de; /* its surface (128, 120, …), 0: none */
-    int32_t first_iges_curve, n_iges_curves; /* its 142, 102, 126, … in file order */
+    int32_t first_iges_curve, n_iges_curves;    /* its 142, 102, 126, … in file order */
 } SegFace;
 
 typedef struct {
-    int32_t first_coedge, n_coedges; /* in order, material on the left in (u,v) of an unreversed face */
-    int32_t outer;                   /* 1 for the face's outer loop */
+    int32_t first_coedge,
+        n_coedges; /* in order, material on the left in (u,v) of an unreversed face */
+    int32_t outer; /* 1 for the face's outer loop */
     int32_t reserved;
 } SegLoop;
 
 /* The use of an edge by a loop, run in the loop's direction when `reversed` is 0. */
 typedef struct {
-    SegCurve pcurve; /* dim 2, over [t_first, t_last] of the edge; already on the B-spline surface */
+    SegCurve
+        pcurve; /* dim 2, over [t_first, t_last] of the edge; already on the B-spline surface */
     double t_first, t_last; /* parameter range of the pcurve */
     int32_t edge;
     int32_t reversed;
@@ -100,7 +102,8 @@ typedef struct {
 typedef struct {
     SegCurve curve; /* dim 3; n_poles 0 for a degenerate edge (a pole of a sphere) */
     double t_first, t_last;
-    int32_t face[2]; /* the faces on either side; -1 where the edge is free; seams name one face twice */
+    int32_t face[2]; /* the faces on either side; -1 where the edge is free; seams name one face
+                        twice */
     SegVec3 ends[2];
 } SegEdge;
 
@@ -136,18 +139,18 @@ typedef struct {
     int32_t n_faces, n_loops, n_coedges, n_edges, n_iges_curves, n_vertices, n_triangles;
     int64_t n_reals;
     double chord_mm;
-    double unit_mm;      /* one unit of the file in mm; 1 where the file says nothing */
-    char sha256[65];     /* of the file the part was read from, lower-case hex */
-    char *path;          /* as given to seg_part_load; NULL when read from memory */
+    double unit_mm;  /* one unit of the file in mm; 1 where the file says nothing */
+    char sha256[65]; /* of the file the part was read from, lower-case hex */
+    char *path;      /* as given to seg_part_load; NULL when read from memory */
     int ref_count;
     GBytes *memory;
 } SegPart;
 
 /* What Open CASCADE may use before it is stopped. */
 typedef struct {
-    const char *helper;  /* path of segmill-cad; NULL: beside the running program, then PATH */
-    double chord_mm;     /* chord tolerance of the tessellation */
-    double angle_rad;    /* angular tolerance of the tessellation */
+    const char *helper; /* path of segmill-cad; NULL: beside the running program, then PATH */
+    double chord_mm;    /* chord tolerance of the tessellation */
+    double angle_rad;   /* angular tolerance of the tessellation */
     unsigned timeout_s;
     uint64_t memory_bytes;
 } SegLoadOptions;
@@ -307,19 +310,19 @@ typedef enum {
 
 typedef struct {
     SegRepair repair;
-    int points;                 /* for SEG_REPAIR_POINTS */
-    double datum_mm;            /* L of the rule; 0: the first feature size of the part */
-    double tolerance;           /* similarity, relative to the class's largest member: 0.05 */
-    double subset_tolerance;    /* 0: no subdivision; else relative, on length, width, height */
-    double min_size_mm;         /* smaller faces are dropped; 0: none */
-    double local_ratio;         /* local: first size <= ratio · largest class's; 0: off */
-    const int32_t *local_tags;  /* local by class */
+    int points;                /* for SEG_REPAIR_POINTS */
+    double datum_mm;           /* L of the rule; 0: the first feature size of the part */
+    double tolerance;          /* similarity, relative to the class's largest member: 0.05 */
+    double subset_tolerance;   /* 0: no subdivision; else relative, on length, width, height */
+    double min_size_mm;        /* smaller faces are dropped; 0: none */
+    double local_ratio;        /* local: first size <= ratio · largest class's; 0: off */
+    const int32_t *local_tags; /* local by class */
     size_t n_local_tags;
     const int32_t *local_faces; /* local by face */
     size_t n_local_faces;
     const int32_t (*reassign)[2]; /* {face, tag}: moved by hand after classification */
     size_t n_reassign;
-    bool split_rest;            /* a region for each class of the rest, not one for all */
+    bool split_rest; /* a region for each class of the rest, not one for all */
 } SegFeatureSizeParams;
 
 #define SEG_FEATURE_SIZE_DEFAULTS ((SegFeatureSizeParams){.tolerance = 0.05, .local_ratio = 0.5})
