@@ -108,6 +108,6 @@ $(BUILD)/%.o: %.c
 $(BUILD)/segcore/occ/%.o: SAN =
 $(BUILD)/%.o: %.cc
 	$(call say,CXX,$<)
-	$(Q)mkdir -p $(@D) && $(CXX) $(CXXFLAGS_) $(OCC_CFLAGS) -c -o $@ $<
+	$(Q)mkdir -p $(@D) && $(CXX) $(CXXFLAGS_) $(OCC_CFLAGS) $(PKG_CFLAGS) -c -o $@ $<
 
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
