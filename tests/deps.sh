@@ -24,6 +24,7 @@ packages() {
 # test
 #: clang                      the second compiler, and its sanitizers
 #: clang-format               the style
+#: libomp-dev                 OpenMP for clang
 #: perl                       prove
 #: python3-jsonschema         judge of the JSON files
 #: mbpoll                     judge of the Modbus map

@@ -1,33 +1,96 @@
 # SPDX-License-Identifier: Apache-2.0
-# The test targets; included by the Makefile. Every tests/unit/ROOM_*.c is one TAP program, every
-# tests/e2e/*.sh one TAP script; both run under prove.
+# The test targets; included by the Makefile. Every tests/unit/ROOM_*.c and tests/fuzz/*.c is one
+# TAP program, every tests/e2e/*.sh one TAP script; prove runs them.
 
 UNIT      = $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/unit/*.c)))
 BENCH     = $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(sort $(wildcard tests/bench/*.c)))
+FUZZ      = $(patsubst tests/fuzz/%.c,$(BUILD)/fuzz/%,$(sort $(wildcard tests/fuzz/*.c)))
 TEST_LIB  = $(patsubst %.c,$(BUILD)/%.o,$(sort $(wildcard tests/lib/*.c)))
 TEST_DATA = $(or $(SEGMILL_TEST_DATA),../shared/data)
-TEST_ENV  = BUILD=$(BUILD) SEGMILL_TEST_DATA=$(TEST_DATA)
+PROVE     = BUILD=$(BUILD) SEGMILL_TEST_DATA=$(TEST_DATA) prove --timer
+LINK      = $(Q)mkdir -p $(@D) && $(CC) $(SAN) $(LDFLAGS) -fopenmp -o $@ $^ $(PKG_LIBS) -lm
+
+.PHONY: check
+check: all  ## every quick test: under 15 minutes on two cores
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 style tests-built
+	$(Q)$(PROVE) -j2 -e '' $(UNIT) $(FUZZ)
+	$(Q)$(PROVE) -j2 -e bash tests/e2e/*.sh
+
+.PHONY: check-ci
+check-ci: check-asan check-clang check-mutants  ## the longer proofs: under 45 minutes
+
+# Open CASCADE's own leaks are suppressed by library; nothing of ours is.
+.PHONY: check-asan
+check-asan: ready  ## the unit tests and fuzz corpora under ASan and UBSan
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 BUILD=$(BUILD)/asan OPT='-O1 -g' \
+	    SAN='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer' \
+	    prove-unit
+
+# The second compiler, and its libFuzzer on every target.
+FUZZ_SECONDS = 20
+.PHONY: check-clang
+check-clang: ready
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 BUILD=$(BUILD)/clang CC=clang CXX=clang++ \
+	    OPT='-O1 -g -Werror' SAN=-fsanitize=fuzzer-no-link,address,undefined \
+	    FUZZ_MAIN=-fsanitize=fuzzer PROGRAMS= fuzz-run
+
+.PHONY: check-mutants
+check-mutants: all
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 tests-built
+	$(Q)SEGMILL_MUTANTS=1000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
+
+.PHONY: soak
+soak: all  ## hours of the same: ten thousand damaged files, long fuzzing
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 tests-built
+	$(Q)SEGMILL_MUTANTS=10000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
+	$(Q)$(MAKE) --no-print-directory check-clang FUZZ_SECONDS=1800
+
+.PHONY: bench
+bench: all  ## figures: ours, the peer's where there is one, the ratio
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 $(BENCH) $(PARTS)
+	$(Q)for b in $(BENCH); do BUILD=$(BUILD) SEGMILL_TEST_DATA=$(TEST_DATA) $$b || exit 1; done
+
+.PHONY: style
+style:  ## formatting, file length, SPDX lines, the rooms' include rules
+	$(Q)tests/style.sh
+
+# One room's tests, while working on it: make test-nc
+.PHONY: $(addprefix test-,$(ROOMS) occ)
+$(addprefix test-,$(ROOMS) occ): test-%: tests-built
+	$(Q)$(PROVE) -e '' $(filter $(BUILD)/tests/$*_%,$(UNIT))
+
+.PHONY: tests-built prove-unit fuzz-run
+tests-built: $(PROGRAMS) $(UNIT) $(FUZZ) $(JUDGES) $(PARTS)
+
+prove-unit: tests-built
+	$(Q)$(PROVE) -j2 -e '' $(UNIT) $(FUZZ)
+
+fuzz-run: $(LIBS) $(UNIT) $(FUZZ)
+	$(Q)for f in $(FUZZ); do \
+	    seeds=tests/fuzz/corpus/$$(basename $$f); found=$(BUILD)/corpus/$$(basename $$f); \
+	    mkdir -p $$found; echo "fuzzing $$f for $(FUZZ_SECONDS) s"; \
+	    $$f -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=4096 -print_final_stats=1 \
+	        -artifact_prefix=$(BUILD)/ $$found $$seeds 2>$$found.log || \
+	        { tail -n 40 $$found.log; exit 1; }; \
+	done
 
 $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(TEST_LIB) $(LIBS)
 	$(call say,LD,$@)
-	$(Q)mkdir -p $(@D) && $(CC) $(SAN) -fopenmp -o $@ $^ $(PKG_LIBS) -lm
+	$(LINK)
 
 $(BUILD)/bench/%: $(BUILD)/tests/bench/%.o $(TEST_LIB) $(LIBS)
 	$(call say,LD,$@)
-	$(Q)mkdir -p $(@D) && $(CC) $(SAN) -fopenmp -o $@ $^ $(PKG_LIBS) -lm
+	$(LINK)
+
+# A fuzz target is one LLVMFuzzerTestOneInput. By default its main is a driver that runs the corpus
+# and seeded mutations of it as TAP; check-clang puts libFuzzer's in that place.
+FUZZ_MAIN = $(BUILD)/tests/lib/fuzz/driver.o
+$(BUILD)/fuzz/%: $(BUILD)/tests/fuzz/%.o $(filter %.o,$(FUZZ_MAIN)) $(LIBS)
+	$(call say,LD,$@)
+	$(LINK) $(filter-out %.o,$(FUZZ_MAIN))
 
 # A judge is a program around a library that we did not write, for the tests to ask.
 JUDGES = $(patsubst tests/judges/%.cc,$(BUILD)/judges/%,$(sort $(wildcard tests/judges/*.cc)))
 $(BUILD)/judges/%: $(BUILD)/tests/judges/%.o
 	$(call say,LD,$@)
 	$(Q)mkdir -p $(@D) && $(CXX) -o $@ $^ $(OCC_LIBS)
-
-.PHONY: unit
-unit: $(UNIT) $(PROGRAMS) $(JUDGES)
-	$(Q)$(TEST_ENV) prove -j2 $(UNIT)
-
-# One room's tests, while working on it: make test-nc
-.PHONY: $(addprefix test-,$(ROOMS))
-$(addprefix test-,$(ROOMS)): test-%: $(PROGRAMS) $(JUDGES)
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 $(filter $(BUILD)/tests/$*_%,$(UNIT))
-	$(Q)$(TEST_ENV) prove -j2 $(filter $(BUILD)/tests/$*_%,$(UNIT))
