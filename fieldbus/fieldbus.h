@@ -68,7 +68,7 @@ typedef enum {
 const char *fb_command_name(FbCommand command); /* "START" */
 
 typedef enum {
-    FB_ANSWER_NONE,
+    FB_ANSWER_NONE, /* nothing asked yet; or (VERIFY) taken and still at work: read again */
     FB_ANSWER_DONE,
     FB_ANSWER_WRONG_STATE,
     FB_ANSWER_NO_LEASE,
@@ -82,32 +82,54 @@ typedef enum {
     FB_ANSWER_HASH,       /* the machine's hash is not the program's id */
     FB_ANSWER_PROGRAM,    /* the machine cannot run it: see the alarm fields */
     FB_ANSWER_MALFORMED,
-    FB_ANSWER_NEEDS_ACKNOWLEDGE, /* START wants an acknowledgement at the machine first */
+    FB_ANSWER_NEEDS_ACKNOWLEDGE, /* START, RESUME want an acknowledgement at the machine first */
+    FB_ANSWER_OUT_OF_SEQUENCE,   /* a sequence number below the session's last */
     FB_N_ANSWERS
 } FbAnswer;
 
 const char *fb_answer_name(FbAnswer answer);   /* "WRONG_STATE" */
 const char *fb_answer_advice(FbAnswer answer); /* one sentence: what to do */
 
+/* How a run ended. */
+typedef enum {
+    FB_RUN_NONE, /* none yet, or not ended */
+    FB_RUN_COMPLETE,
+    FB_RUN_ABORTED,
+    FB_RUN_ALARM, /* alarm or e-stop */
+} FbRunEnd;
+
 #define FB_TEXT_BYTES 96 /* longest alarm text on the wire, NUL-padded UTF-8 */
 
-/* What the machine publishes; every field is read in one transaction. */
+/* What the machine publishes; every field but the two texts is read in one transaction, and the
+ * texts are re-read whenever alarm_serial moves. A transfer is one stream of bytes: the table of
+ * gates (8 bytes each), then the program; length, received and may_send_to count that stream. */
 typedef struct {
     uint16_t protocol_version;
     FbState state;
-    uint32_t epoch;    /* new at each start of the machine */
-    uint32_t transfer; /* handle of the accepted program, 0: none */
-    uint64_t length;
+    uint32_t epoch;           /* new at each start of the machine */
+    uint32_t transfer;        /* handle of the accepted program, 0: none */
+    uint64_t length;          /* 8 · gates + bytes of the program */
     uint64_t received;        /* length of the contiguous prefix */
     uint64_t may_send_to;     /* absolute offset: the sender's credit */
     uint32_t line;            /* in execution, from 1; 0: none */
     uint64_t executed_blocks; /* monotone over the life of the epoch */
-    uint32_t lease_owner;     /* public part of the owner's token; 0: free */
-    uint32_t command_seq;     /* last command taken, and its answer */
+    uint32_t gates, gates_crc;
+    uint8_t id[32];           /* SHA-256 announced by OPEN */
+    uint32_t lease_owner;     /* public part (high half) of the owner's token; 0: free */
+    uint32_t lease_ms;        /* until it lapses unless renewed */
+    uint32_t command_session; /* who sent the last command taken, */
+    uint32_t command_seq;     /* its sequence number, and its answer */
     FbCommand command;
     FbAnswer answer;
-    FbAnswer chunk_answer; /* of the last chunk */
-    uint16_t alarm_code;   /* 0: none */
+    FbAnswer chunk_answer;  /* of the last chunk */
+    bool needs_acknowledge; /* START and RESUME are refused until a person acknowledged */
+    bool agent_lost;        /* the owner's heartbeat is missing */
+    uint32_t run;           /* starts in this epoch */
+    FbRunEnd run_end;       /* of that run */
+    uint16_t window_max;    /* requests in flight on a connection that the machine allows */
+    uint16_t chunk_max;     /* bytes of a chunk */
+    uint16_t alarm_code;    /* 0: none */
+    uint16_t alarm_serial;  /* moves with every change of code, text or advice */
     uint16_t feed_override_percent, rapid_override_percent, spindle_override_percent;
     int32_t tool;          /* in the spindle; 0: none */
     double position_mm[3]; /* machine coordinates; resolution 1 µm on the wire */
@@ -126,8 +148,8 @@ typedef struct {
     uint32_t epoch; /* passed in: random or a counter kept by the machine, never 0 */
     uint64_t memory_bytes;
     CfgAgentLoss on_agent_loss;
-    int64_t agent_timeout_us;
-    int64_t lease_timeout_us;
+    int64_t agent_timeout_us; /* silence of the owner that counts as agent loss */
+    int64_t lease_timeout_us; /* silence after which anybody may take the lease; the longer one */
 } FbReceiverOptions;
 
 /* What the machine has to do; the receiver has changed state already. */
@@ -144,7 +166,7 @@ typedef enum {
 /* What the machine tells its receiver. */
 typedef enum {
     FB_MACHINE_VERIFIED, /* ok */
-    FB_MACHINE_REFUSED,  /* alarm_code, text, advice say why; leads to ALARM-free LOADING end */
+    FB_MACHINE_REFUSED,  /* back to LOADING, VERIFY answered PROGRAM; `alarm` says why */
     FB_MACHINE_RUNNING,
     FB_MACHINE_HELD,
     FB_MACHINE_PROGRAM_STOP,
@@ -153,7 +175,9 @@ typedef enum {
     FB_MACHINE_ABORTED,
     FB_MACHINE_ALARM,
     FB_MACHINE_ESTOP,
-    FB_MACHINE_ACKNOWLEDGED, /* by a person at the machine */
+    /* By a person at the machine: switched on (a fresh receiver is OFF until then), alarm or e-stop
+     * reset, or allowing START and RESUME again after the agent was lost or restarted. */
+    FB_MACHINE_ACKNOWLEDGED,
 } FbMachineEvent;
 
 /* What the machine shows, refreshed as often as it likes. */
@@ -174,28 +198,37 @@ typedef struct {
 
 typedef struct FbReceiver FbReceiver;
 
+/* OFF until the first FB_MACHINE_ACKNOWLEDGED. */
 FbReceiver *fb_receiver_new(const FbReceiverOptions *options);
 void fb_receiver_free(FbReceiver *receiver);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbReceiver, fb_receiver_free)
 
-/* Steps by a machine event; `alarm` for REFUSED, ALARM, ESTOP. Appends FbDo values to `actions`. */
+/* Steps by a machine event; `alarm` for REFUSED, ALARM, ESTOP (copied). Appends FbDo values to
+ * `actions`. May be called from inside the server's `act`. */
 void fb_receiver_machine(FbReceiver *receiver, FbMachineEvent event, const FbAlarm *alarm,
                          int64_t now_us, GArray *actions);
 void fb_receiver_progress(FbReceiver *receiver, const FbProgress *progress);
 
-/* Steps by time: lease and heartbeat. Returns when to call again, in µs of the same clock. */
+/* Steps by time: lease and heartbeat. Returns when to call again, in µs of the same clock. A
+ * server does this for its receiver. */
 int64_t fb_receiver_tick(FbReceiver *receiver, int64_t now_us, GArray *actions);
 
 FbState fb_receiver_state(const FbReceiver *receiver);
 
-/* The program after FB_DO_VERIFY: the machine's own immutable copy, and its gates. */
+void fb_receiver_status(const FbReceiver *receiver, int64_t now_us, FbStatus *status);
+
+/* The program from FB_DO_VERIFY to FB_DO_FORGET: the machine's own immutable copy, and its gates.
+ * Both are the receiver's; NULL outside that time. Take a reference to keep the bytes. */
 GBytes *fb_receiver_program(const FbReceiver *receiver);
 const uint64_t *fb_receiver_gates(const FbReceiver *receiver, size_t *n);
 
 /* Counters of what was refused, for the log: one per FbAnswer. */
 const uint64_t *fb_receiver_counts(const FbReceiver *receiver);
 
-/* A Modbus TCP server around a receiver. `act` is called for every FbDo. */
+/* A Modbus TCP server around a receiver. `act` is called for every FbDo. `host` is where it
+ * listens: plain Modbus has no identity, so give 127.0.0.1 unless the user asked for more.
+ * `unit_id` is answered, and 0 and 255, which mean the device itself. The clock is
+ * g_get_monotonic_time. */
 typedef struct FbModbusServer FbModbusServer;
 FbModbusServer *fb_modbus_server_new(const char *host, uint16_t port, int unit_id,
                                      FbReceiver *receiver, void (*act)(FbDo what, void *data),
@@ -210,20 +243,33 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbModbusServer, fb_modbus_server_free)
  * and READING, and never resends on an old connection. */
 typedef struct FbSession FbSession;
 
+typedef enum {
+    FB_TASK_DELIVER, /* fb_session_deliver */
+    FB_TASK_RUN,     /* fb_session_start */
+    FB_TASK_COMMAND, /* fb_session_command */
+} FbTask;
+
 typedef struct {
-    /* Every fresh status, and UNKNOWN when the link goes down. */
+    /* Every fresh status, and one with state UNKNOWN (the rest as last seen) when the link goes
+     * down. */
     void (*status)(const FbStatus *status, void *data);
-    /* The delivery or command ended: error NULL on success; the callee does not own it. */
-    void (*done)(const GError *error, void *data);
+    /* A task ended: error NULL on success; the callee does not own it. A command may end while a
+     * delivery or a run goes on. The callee must not free the session in here. */
+    void (*done)(FbTask task, const GError *error, void *data);
     void *data;
 } FbSessionCallbacks;
 
-/* `address` is modbus://host:port. Connects in the background. */
+/* `address` is modbus://host:port; NULL with an error where it is not. Connects in the background,
+ * and shows the status as soon as there is one. */
 FbSession *fb_session_new(const char *address, int unit_id, const CfgAgent *agent,
                           const FbSessionCallbacks *callbacks, GMainContext *context,
                           GError **error);
 void fb_session_free(FbSession *session);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbSession, fb_session_free)
+
+/* The agent's token for the lease: kept by the agent over its restarts, shared by its processes.
+ * High half: public owner number, never 0; low half: secret. Before any task; else it is random. */
+void fb_session_set_token(FbSession *session, uint64_t token);
 
 /* Lease, OPEN, chunks, VERIFY; `done` when the machine is READY with the program's own hash. */
 void fb_session_deliver(FbSession *session, GBytes *program, const uint64_t *gates, size_t n_gates);
@@ -232,7 +278,10 @@ void fb_session_deliver(FbSession *session, GBytes *program, const uint64_t *gat
  * it (alarm, abort, link lost). Only ever called for an explicit act of a person or controller. */
 void fb_session_start(FbSession *session);
 
-/* A single command: HOLD, RESUME, ABORT, ACKNOWLEDGE, CLOSE. */
+/* A single command: HOLD, RESUME, ABORT, ACKNOWLEDGE, CLOSE, RELEASE; on a connection of its own,
+ * so never behind a chunk. Commands are done in the order of the calls, but HOLD and ABORT go
+ * before those that have not been sent. RESUME, ACKNOWLEDGE and CLOSE take the lease for their time
+ * where it is free. */
 void fb_session_command(FbSession *session, FbCommand command);
 
 const FbStatus *fb_session_status(const FbSession *session);
