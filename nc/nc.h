@@ -38,6 +38,21 @@ NcSetup nc_setup_new(const SegPart *part, CfgUp up, CfgZero zero);
 SegVec3 nc_setup_point(const NcSetup *setup, SegVec3 part_point);
 SegVec3 nc_setup_direction(const NcSetup *setup, SegVec3 part_direction);
 
+/* ------------------------------------------------------------------------ budget */
+
+/* The shares of quality.tolerance_mm; their sum is at most the tolerance. */
+typedef struct {
+    double tessellation_mm; /* chord of the tessellation: what seg_part_load is asked for */
+    double chord_mm;        /* straight moves against the true path of the cutter */
+    double blend_mm;        /* corners: G64 P */
+    double rounding_mm;     /* numbers in the program */
+} NcBudget;
+
+/* Shares out the recipe's tolerance: to the tessellation part.chord_mm where the recipe sets it,
+ * else 0.3 of the tolerance; of what is left 60 % to the chord, 35 % to the blend and 5 % to
+ * rounding. False, with NC_ERROR_PLAN, where the tessellation alone takes more than 0.8 of it. */
+bool nc_budget_share(const CfgRecipe *recipe, NcBudget *budget, GError **error);
+
 /* ------------------------------------------------------------------- drop-cutter */
 
 /* The cutting envelope of a tool turned about +Z: a torus of corner radius r at radius R - r, flat
@@ -127,6 +142,7 @@ typedef struct {
     CfgMethod method;        /* of the segmentation it came from; CFG_METHOD_NONE in a baseline */
     NcOperation *operations; /* in machining order */
     size_t n_operations;
+    NcBudget budget;     /* it was made with; the program's G64 P is budget.blend_mm */
     double clearance_mm; /* Z of rapid moves, workpiece coordinates */
     double estimated_s;  /* whole program: tool changes and air too */
     double length_mm, air_mm;
