@@ -58,6 +58,7 @@ typedef struct {
 CfgToolTable *cfg_tools_load(const char *path, GError **error);
 void cfg_tools_free(CfgToolTable *table);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CfgToolTable, cfg_tools_free)
+/* NULL where the table does not have it. */
 const CfgTool *cfg_tools_find(const CfgToolTable *table, int number);
 const char *cfg_tool_kind_name(CfgToolKind kind); /* "flat", "ball", "bull" */
 
@@ -89,6 +90,10 @@ typedef struct {
 CfgMachine *cfg_machine_load(const char *path, GError **error);
 void cfg_machine_free(CfgMachine *machine);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CfgMachine, cfg_machine_free)
+
+/* Commented files with every key and its default, as shipped in config/etc; caller frees. */
+char *cfg_machine_example(void);
+char *cfg_agent_example(void);
 
 /* ----------------------------------------------------------------------- recipe */
 

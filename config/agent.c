@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "config/schema.h"
+
+#include <string.h>
+
+#define AT(field) offsetof(CfgAgent, field)
+#define MACHINE(field) offsetof(CfgTarget, field)
+
+static const CfgKey keys[] = {
+    {"link", "reply_timeout_s", CFG_REAL, "s", "1", 0.01, 60, AT(reply_timeout_s),
+     .help = "No answer for this long: close, reconnect, read where the machine is."},
+    {"link", "reconnect_s", CFG_REAL, "s", "0.5", 0.01, 60, AT(reconnect_s),
+     .help = "Pause before a reconnect."},
+    {"link", "give_up_s", CFG_REAL, "s", "10", 0.1, 3600, AT(give_up_s),
+     .help = "A machine that is not reachable for this long is given up."},
+    {"link", "heartbeat_s", CFG_REAL, "s", "0.25", 0.01, 60, AT(heartbeat_s),
+     .help = "How often the machine's state is read, which also tells it that the agent lives."},
+    {"machine.*", "address", CFG_STRING, "", "modbus://127.0.0.1:1502", 0, 0, MACHINE(address),
+     .help = "Where the machine listens, as modbus://host:port."},
+    {"machine.*", "unit_id", CFG_INT, "", "1", 0, 255, MACHINE(unit_id),
+     .help = "Its Modbus unit identifier."},
+};
+
+static const CfgSchema schema = {
+    .what = "agent",
+    .help = "The agent's machines, each by the name that --to takes, and its timers. A commented "
+            "key shows its default.",
+    .keys = keys,
+    .n_keys = G_N_ELEMENTS(keys),
+    .size = sizeof(CfgAgent),
+    .element_size = sizeof(CfgTarget),
+    .elements_offset = offsetof(CfgAgent, machines),
+    .n_elements_offset = offsetof(CfgAgent, n_machines),
+    .element_name = {"machine.*", "name", CFG_STRING, "", NULL, 0, 0, MACHINE(name),
+                     .help = "What --to names."},
+};
+
+static CfgAgent *read_agent(const CfgIni *ini, GError **error)
+{
+    g_autoptr(CfgAgent) agent = cfg_schema_read(&schema, ini, error);
+    if (!agent)
+        return NULL;
+    for (size_t i = 0; i < agent->n_machines; i++) {
+        g_autofree char *group = g_strconcat("machine.", agent->machines[i].name, NULL);
+        const char *address = agent->machines[i].address;
+        if (!address || !g_str_has_prefix(address, "modbus://")) {
+            cfg_refuse(ini, group, "address", error, "'%s' is not modbus://host:port",
+                       address ? address : "");
+            return NULL;
+        }
+    }
+    return g_steal_pointer(&agent);
+}
+
+CfgAgent *cfg_agent_load(const char *path, GError **error)
+{
+    g_autoptr(CfgIni) ini = cfg_ini_load(path, error);
+    return ini ? read_agent(ini, error) : NULL;
+}
+
+CfgAgent *cfg_agent_default(GError **error)
+{
+    static const char built_in[] = "[machine.sim]\n";
+    g_autoptr(CfgIni) ini = cfg_ini_parse(built_in, strlen(built_in), "built-in agent", error);
+    return ini ? read_agent(ini, error) : NULL;
+}
+
+void cfg_agent_free(CfgAgent *agent)
+{
+    cfg_schema_free(&schema, agent);
+}
+
+char *cfg_agent_example(void)
+{
+    return cfg_schema_example(&schema, "sim", NULL);
+}
