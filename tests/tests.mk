@@ -50,6 +50,10 @@ bench: all  ## figures: ours, the peer's where there is one, the ratio
 	$(Q)$(MAKE) --no-print-directory NODEPS=1 $(BENCH) $(PARTS)
 	$(Q)for b in $(BENCH); do BUILD=$(BUILD) SEGMILL_TEST_DATA=$(TEST_DATA) $$b || exit 1; done
 
+.PHONY: demo
+demo: all  ## the main job on a shipped part, against the virtual CNC
+	$(Q)BUILD=$(BUILD) tests/demo.sh
+
 .PHONY: style
 style:  ## formatting, file length, SPDX lines, the rooms' include rules
 	$(Q)tests/style.sh
@@ -94,3 +98,12 @@ JUDGES = $(patsubst tests/judges/%.cc,$(BUILD)/judges/%,$(sort $(wildcard tests/
 $(BUILD)/judges/%: $(BUILD)/tests/judges/%.o
 	$(call say,LD,$@)
 	$(Q)mkdir -p $(@D) && $(CXX) -o $@ $^ $(OCC_LIBS)
+
+.PHONY: papers
+papers: all  ## the papers' experiments: their figures, ours, what is not reached
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 $(BUILD)/papers/p0 $(PARTS)
+	$(Q)BUILD=$(BUILD) $(BUILD)/papers/p0
+
+$(BUILD)/papers/%: $(BUILD)/tests/papers/%.o $(TEST_LIB) $(LIBS)
+	$(call say,LD,$@)
+	$(LINK)

@@ -1,0 +1,25 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# The main job, start to end: a virtual CNC, a shipped IGES part, regions, one program, delivery
+# over Modbus TCP, the run. Everything it makes stays in $BUILD/demo.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+build=${BUILD:-build}
+out=$build/demo
+
+rm -rf "$out"
+mkdir -p "$out"
+
+coproc vcnc { exec "$build/vcnc" --machine config/etc/machine.ini --modbus 127.0.0.1:0 \
+    --speed max --log "$out/vcnc.log"; }
+trap 'kill "$vcnc_PID" 2>/dev/null || true' EXIT
+read -r _ address <&"${vcnc[0]}"
+echo ack >&"${vcnc[1]}" # the person at the machine switches it on
+
+echo "vcnc, the virtual CNC, listens at modbus://$address"
+"$build/segmill" run config/etc/recipe.ini --to "modbus://$address" -o "$out"
+
+echo
+echo "picture:  $out/regions.png"
+echo "program:  $out/program.ngc"
+echo "report:   $out/run.json, $out/plan.json, $out/regions.json"
