@@ -11,14 +11,16 @@ static const CfgKey keys[] = {
      .help = "No answer for this long: close, reconnect, read where the machine is."},
     {"link", "reconnect_s", CFG_REAL, "s", "0.5", 0.01, 60, AT(reconnect_s),
      .help = "Pause before a reconnect."},
-    {"link", "give_up_s", CFG_REAL, "s", "10", 0.1, 3600, AT(give_up_s),
+    {"link", "give_up_s", CFG_REAL, "s", "30", 0.1, 3600, AT(give_up_s),
      .help = "A machine that is not reachable for this long is given up."},
-    {"link", "heartbeat_s", CFG_REAL, "s", "0.25", 0.01, 60, AT(heartbeat_s),
+    {"link", "heartbeat_s", CFG_REAL, "s", "0.5", 0.01, 60, AT(heartbeat_s),
      .help = "How often the machine's state is read, which also tells it that the agent lives."},
     {"machine.*", "address", CFG_STRING, "", "modbus://127.0.0.1:1502", 0, 0, MACHINE(address),
      .help = "Where the machine listens, as modbus://host:port."},
     {"machine.*", "unit_id", CFG_INT, "", "1", 0, 255, MACHINE(unit_id),
      .help = "Its Modbus unit identifier."},
+    {"machine.*", "file", CFG_FILE, "", "", 0, 0, MACHINE(machine_file),
+     .help = "Its description, where `send` finds the gates of a program; empty: none."},
 };
 
 static const CfgSchema schema = {

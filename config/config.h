@@ -19,6 +19,7 @@ typedef enum {
     CFG_ERROR_PARSE, /* not INI, or a key or group repeated */
     CFG_ERROR_KEY,   /* unknown group or key */
     CFG_ERROR_VALUE, /* wrong type or out of range, or values that do not go together */
+    CFG_ERROR_SET,   /* any of these in an override from the command line */
 } CfgError;
 
 #define CFG_ERROR cfg_error_quark()
@@ -191,6 +192,7 @@ typedef struct {
     char *name;
     char *address; /* modbus://host:port */
     int unit_id;
+    char *machine_file; /* its description; NULL: not known to the agent */
 } CfgTarget;
 
 typedef struct {

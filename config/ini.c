@@ -184,7 +184,7 @@ bool cfg_ini_override(CfgIni *ini, const char *group, const char *key, const cha
 {
     if (!is_name(group, "_.-") || !is_name(key, "_-") || !g_utf8_validate(value, -1, NULL) ||
         has_control(value)) {
-        g_set_error_literal(error, CFG_ERROR, CFG_ERROR_PARSE,
+        g_set_error_literal(error, CFG_ERROR, CFG_ERROR_SET,
                             "--set wants group.key=value, in text that could stand in a file");
         return false;
     }

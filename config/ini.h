@@ -37,7 +37,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(CfgIni, cfg_ini_free)
 /* NULL where the file does not have it. */
 const CfgIniEntry *cfg_ini_entry(const CfgIni *ini, const char *group, const char *key);
 
-/* Puts a value from the command line in the place of the file's own. Errors: CFG_ERROR_PARSE where
+/* Puts a value from the command line in the place of the file's own. Errors: CFG_ERROR_SET where
  * a name or the value could not stand in a file. */
 bool cfg_ini_override(CfgIni *ini, const char *group, const char *key, const char *value,
                       GError **error);

@@ -6,7 +6,7 @@
 #define AT(field) offsetof(CfgMachine, field)
 
 static const CfgChoice dialects[] = {{"linuxcnc", 0}, {NULL, 0}};
-static const CfgChoice agent_losses[] = {{"next-gate", CFG_AGENT_LOSS_NEXT_GATE},
+static const CfgChoice agent_losses[] = {{"next_gate", CFG_AGENT_LOSS_NEXT_GATE},
                                          {"finish", CFG_AGENT_LOSS_FINISH},
                                          {"hold", CFG_AGENT_LOSS_HOLD},
                                          {NULL, 0}};
@@ -25,7 +25,7 @@ static const CfgKey keys[] = {
      .help = "How the controller wants its G-code.", .choices = dialects},
     {"machine", "program_memory_bytes", CFG_BYTES, "bytes", "67108864", 1024, 1e12,
      AT(program_memory_bytes), .help = "Largest program that the controller stores."},
-    {"machine", "on_agent_loss", CFG_CHOICE, "", "next-gate", 0, 0, AT(on_agent_loss),
+    {"machine", "on_agent_loss", CFG_CHOICE, "", "next_gate", 0, 0, AT(on_agent_loss),
      .help = "What a running machine does when the agent's heartbeat stops: hold where the tool is "
              "next clear of the part, finish the program, or hold at once.",
      .choices = agent_losses},

@@ -37,6 +37,8 @@ static const CfgChoice strategies[] = {{"auto", CFG_STRATEGY_AUTO},
 static const CfgKey keys[] = {
     {"part", "file", CFG_FILE, "", NULL, 0, 0, AT(part_file),
      .help = "The CAD file: IGES, STEP, STL or OFF. Files are found from this recipe's folder."},
+    {"part", "chord_mm", CFG_REAL, "mm", "0", 0, 10, AT(chord_mm),
+     .help = "Chord tolerance of its tessellation; 0: a share of quality.tolerance_mm."},
     {"setup", "up", CFG_CHOICE, "", "+z", 0, 0, AT(up),
      .help = "The part's direction that points up to the spindle.", .choices = ups},
     {"setup", "zero", CFG_CHOICE, "", "top-centre", 0, 0, AT(zero),
@@ -69,8 +71,6 @@ static const CfgKey keys[] = {
      .help = "The one budget that tessellation, chords, corner blending and rounding share."},
     {"quality", "stock_to_leave_mm", CFG_REAL, "mm", "0", 0, 100, AT(stock_to_leave_mm),
      .help = "What is left on the part for a later pass."},
-    {"quality", "chord_mm", CFG_REAL, "mm", "0", 0, 10, AT(chord_mm),
-     .help = "Chord tolerance of the tessellation; 0: a share of tolerance_mm."},
     {"toolpath", "overlap_mm", CFG_REAL, "mm", "0.5", 0, 100, AT(overlap_mm),
      .help = "How far neighbouring regions run into each other, against witness lines."},
     {"toolpath", "one_way", CFG_BOOL, "", "false", 0, 0, AT(one_way),
@@ -135,10 +135,6 @@ static bool check(const CfgRecipe *recipe, const CfgIni *ini, GError **error)
         return cfg_refuse(ini, "stock", "material", error, "must not be empty");
     if (!recipe->machine_file)
         return cfg_refuse(ini, "machine", "file", error, "must not be empty");
-    if (recipe->chord_mm >= recipe->tolerance_mm)
-        return cfg_refuse(ini, "quality", "chord_mm", error,
-                          "%g leaves nothing of tolerance_mm = %g for the toolpath",
-                          recipe->chord_mm, recipe->tolerance_mm);
     for (size_t i = 0; i < recipe->feature_size.n_reassign; i++)
         if (recipe->feature_size.reassign[i][1] < 1)
             return cfg_refuse(ini, "segmentation", "reassign", error,

@@ -8,7 +8,8 @@ G_DEFINE_QUARK(cfg - error - quark, cfg_error)
 static bool check_names(const CfgSchema *schema, const CfgIni *ini, GError **error);
 static bool read_group(const CfgSchema *schema, const CfgIni *ini, const char *pattern,
                        const char *group, void *object, GError **error);
-static void place(GString *text, const CfgIni *ini, const char *group, const char *key);
+static CfgError place(GString *text, const CfgIni *ini, const char *group, const char *key,
+                      CfgError in_file);
 static const char *nearest(const CfgSchema *schema, const char *pattern, const char *name);
 
 /* "*" groups are the elements. */
@@ -125,29 +126,32 @@ bool cfg_refuse(const CfgIni *ini, const char *group, const char *key, GError **
                 const char *format, ...)
 {
     g_autoptr(GString) text = g_string_new(NULL);
-    place(text, ini, group, key);
+    CfgError code = place(text, ini, group, key, CFG_ERROR_VALUE);
     va_list args;
     va_start(args, format);
     g_string_append_vprintf(text, format, args);
     va_end(args);
-    g_set_error_literal(error, CFG_ERROR, CFG_ERROR_VALUE, text->str);
+    g_set_error_literal(error, CFG_ERROR, (int)code, text->str);
     return false;
 }
 
-static void place(GString *text, const CfgIni *ini, const char *group, const char *key)
+/* Opens a message with where the key stands. Returns the code that goes with that place. */
+static CfgError place(GString *text, const CfgIni *ini, const char *group, const char *key,
+                      CfgError in_file)
 {
     g_autofree char *id = g_strdup_printf("[%s]", group);
     const CfgIniGroup *header = g_hash_table_lookup(ini->by_name, id);
     const CfgIniEntry *entry = key ? cfg_ini_entry(ini, group, key) : NULL;
     if (entry ? entry->line == 0 : header && header->line == 0) {
         g_string_append_printf(text, "--set %s%s%s: ", group, key ? "." : "", key ? key : "");
-        return;
+        return CFG_ERROR_SET;
     }
     int line = entry ? entry->line : header ? header->line : 0;
     g_string_append(text, ini->name);
     if (line)
         g_string_append_printf(text, ":%d", line);
     g_string_append_printf(text, ": [%s]%s%s: ", group, key ? " " : "", key ? key : "");
+    return in_file;
 }
 
 static bool is_known_group(const CfgSchema *schema, const char *group)
@@ -179,7 +183,7 @@ static bool unknown(const CfgSchema *schema, const CfgIni *ini, const char *grou
                     GError **error)
 {
     g_autoptr(GString) text = g_string_new(NULL);
-    place(text, ini, group, key);
+    CfgError code = place(text, ini, group, key, CFG_ERROR_KEY);
     g_string_append_printf(text, "unknown %s", key ? "key" : "group");
     const CfgKey *elsewhere = key ? find_elsewhere(schema, key) : NULL;
     const char *near = nearest(schema, key ? pattern_of(schema, group) : NULL, key ? key : group);
@@ -187,7 +191,7 @@ static bool unknown(const CfgSchema *schema, const CfgIni *ini, const char *grou
         g_string_append_printf(text, "; it belongs in [%s]", elsewhere->group);
     else if (near)
         g_string_append_printf(text, "; did you mean %s?", near);
-    g_set_error_literal(error, CFG_ERROR, CFG_ERROR_KEY, text->str);
+    g_set_error_literal(error, CFG_ERROR, (int)code, text->str);
     return false;
 }
 
@@ -266,7 +270,7 @@ static const char *only_group(const CfgSchema *schema, const char *name, GError 
     const char *near = nearest(schema, NULL, name);
     for (size_t i = 0; !near && i < schema->n_keys; i++)
         near = nearest(schema, schema->keys[i].group, name);
-    g_set_error(error, CFG_ERROR, CFG_ERROR_KEY, "--set %s: %s%s%s", name,
+    g_set_error(error, CFG_ERROR, CFG_ERROR_SET, "--set %s: %s%s%s", name,
                 group ? "say which: " : "unknown key",
                 group  ? all->str
                 : near ? "; did you mean "
@@ -279,7 +283,7 @@ bool cfg_schema_set(const CfgSchema *schema, CfgIni *ini, const char *assignment
 {
     const char *equals = strchr(assignment, '=');
     if (!equals) {
-        g_set_error(error, CFG_ERROR, CFG_ERROR_PARSE, "--set %s: not group.key=value", assignment);
+        g_set_error(error, CFG_ERROR, CFG_ERROR_SET, "--set %s: not group.key=value", assignment);
         return false;
     }
     g_autofree char *left = g_strstrip(g_strndup(assignment, (size_t)(equals - assignment)));
