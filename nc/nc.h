@@ -222,6 +222,7 @@ typedef struct {
     double spindle_rpm; /* positive clockwise (M3), negative M4, 0 off */
     double dwell_s;
     double tolerance_mm; /* G64 P in force; 0 with G61; INFINITY where G64 names none */
+    bool exact_stop;     /* G61.1 in force */
     bool coolant_mist, coolant_flood;
 } NcMove;
 
@@ -232,17 +233,37 @@ NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable 
 void nc_interpreter_free(NcInterpreter *interpreter);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcInterpreter, nc_interpreter_free)
 
+/* The machine stands here, in machine coordinates of the gauge point; until told, where it changes
+ * tools (the machine file's tool_change), which is also where G28 goes. */
+void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point);
+
+/* The operator's switch that skips blocks beginning with "/"; off until told. */
+void nc_interpreter_set_block_delete(NcInterpreter *interpreter, bool on);
+
 /* Reads one block (no newline needed) and appends its NcMoves. Anything unknown is an error with
  * line, column and the offending word; nothing is ignored. After an error the interpreter stays as
  * it was before the block. */
 bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,
                           GArray *moves, GError **error);
 
-/* A whole program; result is a GArray of NcMove. Checks travel limits of the machine too. */
+/* Whether a move stays within the machine's travel and spindle speeds; if not, NC_ERROR_LIMIT with
+ * line, axis, value and limit. The interpreter itself does not ask. */
+bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError **error);
+
+/* A whole program, checked against the machine's limits too; result is a GArray of NcMove. It ends
+ * with M2, M30 or the second "%"; what follows is no part of it. */
 GArray *nc_read_program(const char *text, size_t length, const CfgMachine *machine,
                         const CfgToolTable *tools, GError **error);
 
 /* ------------------------------------------------------------------ motion */
+
+/* The move's path, from fraction 0 to 1 of its length. An arc whose radii differ within the
+ * interpreter's tolerance is a spiral. */
+double nc_move_length_mm(const NcMove *move);
+SegVec3 nc_move_point(const NcMove *move, double fraction);
+
+/* The smallest box around the move's path. */
+void nc_move_bounds(const NcMove *move, SegVec3 *min, SegVec3 *max);
 
 /* How a move is driven: distance and trapezoidal speed over its own time. */
 typedef struct {

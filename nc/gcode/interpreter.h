@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The interpreter's own structures: a line becomes words (lexer.c), words become a checked block
+ * (check.c), a block is executed in RS-274's order (execute.c), arcs find their centre (arc.c).
+ *
+ * Meaning of the words: T. Kramer, F. Proctor, E. Messina, "The NIST RS274NGC Interpreter,
+ * version 3", NISTIR 6556, 2000, below [NIST]; where LinuxCNC 2.9 differs, LinuxCNC is followed.
+ */
+#ifndef NC_GCODE_INTERPRETER_H
+#define NC_GCODE_INTERPRETER_H
+
+#include "nc/motion/path.h"
+#include "nc/nc.h"
+
+#define NC_MM_PER_INCH 25.4
+
+/* LinuxCNC reads no longer lines, so neither do we. */
+enum { NC_MAX_LINE_BYTES = 255, NC_MAX_WORDS = 128 };
+
+/* A letter and its number, and where it stands in the line. */
+typedef struct {
+    char letter; /* upper case */
+    int column;  /* from 1 */
+    int length;  /* of `text`, with the spaces inside */
+    const char *text;
+    double value;
+} NcWord;
+
+/* Modal groups of G codes [NIST, table 4]. */
+typedef enum {
+    NC_G_NON_MODAL, /* group 0: G4 G28 G28.1 G53 */
+    NC_G_MOTION,    /* group 1: G0 G1 G2 G3 G80 */
+    NC_G_PLANE,     /* group 2 */
+    NC_G_DISTANCE,  /* group 3: G90 G91 */
+    NC_G_ARC,       /* group 4: G90.1 G91.1 */
+    NC_G_FEED_MODE, /* group 5: G94 */
+    NC_G_UNITS,     /* group 6 */
+    NC_G_CUTTER,    /* group 7: G40 */
+    NC_G_TOOL,      /* group 8: G43 G49 */
+    NC_G_WORK,      /* group 12: G54 … G59 */
+    NC_G_CONTROL,   /* group 13: G61 G61.1 G64 */
+    NC_N_G_GROUPS
+} NcGGroup;
+
+typedef enum {
+    NC_M_STOP,    /* group 4: M0 M1 M2 M30 */
+    NC_M_TOOL,    /* group 6: M6 */
+    NC_M_SPINDLE, /* group 7: M3 M4 M5 */
+    NC_M_COOLANT, /* group 8: M7 M8 M9 */
+    NC_N_M_GROUPS
+} NcMGroup;
+
+typedef struct {
+    NcWord words[NC_MAX_WORDS];
+    int n_words;
+    bool blank;
+    bool deleted;             /* begins with "/" */
+    bool percent;             /* the line is "%" */
+    int32_t region;           /* of a (REGION n …) comment; -1: none */
+    const NcWord *letter[26]; /* every letter but G and M; NULL: absent */
+    int g[NC_N_G_GROUPS];     /* ten times the code; -1: none */
+    int m[NC_N_M_GROUPS];     /* -1: none */
+    const NcWord *g_word[NC_N_G_GROUPS];
+    const NcWord *m_word[NC_N_M_GROUPS];
+    int motion; /* ten times the code that moves in this block; -1: none does */
+} NcBlock;
+
+/* What a block changes, and what the next one finds. */
+typedef struct {
+    SegVec3 position; /* gauge point, machine coordinates */
+    SegVec3 home;     /* where G28 goes, machine coordinates */
+    double unit_mm;   /* 1, or 25.4 with G20 */
+    double tool_length_mm;
+    double feed_mm_min;
+    double speed_rpm; /* the S word */
+    double tolerance_mm;
+    int spindle; /* 1 clockwise, -1 anticlockwise, 0 off */
+    int motion;  /* ten times the code of group 1 */
+    int plane;   /* 17, 18, 19 */
+    int wcs;     /* 0: G54 */
+    int tool, selected_tool;
+    bool incremental, arc_absolute, exact_stop, mist, flood;
+    bool begun, percent_open, ended;
+    int32_t region;
+    uint32_t line; /* the last one read */
+} NcModal;
+
+struct NcInterpreter {
+    const CfgMachine *machine;
+    const CfgToolTable *tools;
+    bool block_delete;
+    NcModal modal;
+};
+
+/* What execution works on: a modal state of its own, kept only when the block succeeds. */
+typedef struct {
+    const CfgMachine *machine;
+    const CfgToolTable *tools;
+    NcModal modal;
+    GArray *moves;
+    const NcBlock *block;
+} NcExecution;
+
+/* Splits a line into words; comments are taken out. */
+bool nc_lex(const char *text, size_t length, uint32_t line, NcBlock *block, GError **error);
+
+/* Sorts the words into groups and refuses what RS-274 forbids whatever the modal state is, and
+ * motion that the state does not allow; finds the motion of the block. */
+bool nc_check(NcBlock *block, const NcModal *modal, GError **error);
+
+/* Carries a checked block out. */
+bool nc_execute(NcExecution *execution, GError **error);
+
+/* Centre of the arc of this block from `from` to `to`, machine coordinates; the centre's
+ * coordinate along the plane's normal is that of `from`. `shift` is machine minus program
+ * coordinates, for G90.1. */
+bool nc_arc_centre(const NcBlock *block, const NcModal *modal, SegVec3 from, SegVec3 to,
+                   SegVec3 shift, SegVec3 *centre, GError **error);
+
+/* "line 12, column 7: G33 is not supported": the message begins with the word, where it has a
+ * length. `word` may be NULL when the whole line is meant. Always returns false. */
+bool nc_word_error(GError **error, uint32_t line, const NcWord *word, const char *format, ...)
+    G_GNUC_PRINTF(4, 5);
+
+static inline const NcWord *nc_word(const NcBlock *block, char letter)
+{
+    return block->letter[letter - 'A'];
+}
+
+#endif

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Reading G-code: block by block, or a whole program with the machine's limits. */
+#include "nc/gcode/read.h"
+
+#include <string.h>
+
+static bool read_percent(NcExecution *execution, GError **error);
+
+/* Before the first tool change the machine stands, and G28 goes, where it changes tools: the one
+ * place the machine file names. */
+NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable *tools)
+{
+    NcInterpreter *interpreter = g_new0(NcInterpreter, 1);
+    const double *home = machine->tool_change_mm;
+    interpreter->machine = machine;
+    interpreter->tools = tools;
+    interpreter->modal = (NcModal){
+        .home = seg_vec3(home[0], home[1], home[2]),
+        .position = seg_vec3(home[0], home[1], home[2]),
+        .unit_mm = 1.0,
+        .tolerance_mm = INFINITY,
+        .motion = 800,
+        .plane = 17,
+    };
+    return interpreter;
+}
+
+void nc_interpreter_free(NcInterpreter *interpreter)
+{
+    g_free(interpreter);
+}
+
+void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point)
+{
+    interpreter->modal.position = gauge_point;
+}
+
+void nc_interpreter_set_block_delete(NcInterpreter *interpreter, bool on)
+{
+    interpreter->block_delete = on;
+}
+
+bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,
+                          GArray *moves, GError **error)
+{
+    NcBlock block;
+    NcExecution execution = {.machine = interpreter->machine,
+                             .tools = interpreter->tools,
+                             .modal = interpreter->modal,
+                             .moves = moves,
+                             .block = &block};
+    NcModal *modal = &execution.modal;
+    guint n_before = moves->len;
+    modal->line++;
+    if (!nc_lex(text, length, modal->line, &block, error)) {
+        return false;
+    }
+    bool empty = block.n_words == 0 && !block.percent;
+    if (modal->ended && !empty) {
+        return nc_word_error(error, modal->line, NULL, "nothing is read after the program's end");
+    }
+    bool skipped = block.deleted && interpreter->block_delete;
+    bool good = block.percent ? read_percent(&execution, error)
+                : skipped     ? true
+                              : nc_check(&block, modal, error) && nc_execute(&execution, error);
+    if (!good) {
+        g_array_set_size(moves, n_before);
+        return false;
+    }
+    modal->begun = modal->begun || !block.blank;
+    interpreter->modal = *modal;
+    return true;
+}
+
+/* A program stands between two lines "%", or ends with M2 or M30. */
+static bool read_percent(NcExecution *x, GError **error)
+{
+    NcModal *modal = &x->modal;
+    if (!modal->begun) {
+        modal->percent_open = true;
+        return true;
+    }
+    if (!modal->percent_open) {
+        return nc_word_error(error, modal->line, NULL,
+                             "%% ends a program that did not begin with %%");
+    }
+    NcMove end = {.kind = NC_MOVE_END,
+                  .line = modal->line,
+                  .region = modal->region,
+                  .tool = modal->tool,
+                  .from = modal->position,
+                  .to = modal->position,
+                  .plane = modal->plane,
+                  .spindle_rpm = modal->spindle * modal->speed_rpm};
+    g_array_append_val(x->moves, end);
+    modal->ended = true;
+    return true;
+}
+
+bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length, GArray *moves,
+                    NcBlockRead read, void *data, GError **error)
+{
+    const char *end = text + length;
+    for (const char *at = text; at < end && !interpreter->modal.ended;) {
+        const char *newline = memchr(at, '\n', (size_t)(end - at));
+        const char *next = newline ? newline + 1 : end;
+        guint n_before = moves->len;
+        if (!nc_interpreter_block(interpreter, at, (size_t)(next - at), moves, error)) {
+            return false;
+        }
+        for (guint i = n_before; i < moves->len; i++) {
+            const NcMove *made = &g_array_index(moves, NcMove, i);
+            if (!nc_move_check_limits(interpreter->machine, made, error)) {
+                return false;
+            }
+        }
+        if (read) {
+            read(interpreter, (size_t)(next - text), n_before, data);
+        }
+        at = next;
+    }
+    if (!interpreter->modal.ended) {
+        return nc_word_error(error, interpreter->modal.line, NULL,
+                             interpreter->modal.percent_open
+                                 ? "the program ends without its second %%"
+                                 : "the program ends without M2 or M30");
+    }
+    return true;
+}
+
+GArray *nc_read_program(const char *text, size_t length, const CfgMachine *machine,
+                        const CfgToolTable *tools, GError **error)
+{
+    g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(machine, tools);
+    g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
+    if (!nc_read_blocks(interpreter, text, length, moves, NULL, NULL, error)) {
+        return NULL;
+    }
+    return g_steal_pointer(&moves);
+}

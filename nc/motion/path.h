@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The geometry of one move: lines, arcs and helices. */
+#ifndef NC_MOTION_PATH_H
+#define NC_MOTION_PATH_H
+
+#include "nc/nc.h"
+
+/* Axes of a plane counted from 0, right-handed: first × second = normal. */
+typedef struct {
+    int first, second, normal;
+} NcPlaneAxes;
+
+NcPlaneAxes nc_plane_axes(int plane); /* 17, 18, 19 */
+
+/* An arc or helix: at fraction f the angle is start + f·sweep, the radius and the coordinate along
+ * the normal go linearly. */
+typedef struct {
+    NcPlaneAxes axes;
+    double start_rad, sweep_rad; /* sweep: positive anticlockwise */
+    double radius_from_mm, radius_to_mm;
+    double rise_mm;
+    double length_mm;
+} NcArc;
+
+NcArc nc_arc(const NcMove *move);
+
+/* Whether the move leads along a path at all (it may still be of length zero). */
+static inline bool nc_move_travels(const NcMove *move)
+{
+    return move->kind == NC_MOVE_RAPID || move->kind == NC_MOVE_FEED || move->kind == NC_MOVE_ARC;
+}
+
+/* Unit tangents at a move's ends; of a move longer than zero. */
+void nc_move_tangents(const NcMove *move, SegVec3 *at_start, SegVec3 *at_end);
+
+static inline double *nc_axis(SegVec3 *v, int axis)
+{
+    return axis == 0 ? &v->x : axis == 1 ? &v->y : &v->z;
+}
+
+static inline double nc_axis_value(SegVec3 v, int axis)
+{
+    return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
+}
+
+#endif
