@@ -38,7 +38,7 @@ std::string part_form(const CadFile &file, double chord_mm, double angle_rad)
     std::vector<TopoDS_Face> faces;
     for (int i = 0; i < file.n_faces(); i++)
         faces.push_back(heal(file.face(i)));
-    tessellate(faces, chord_mm, angle_rad);
+    chord_mm = tessellate(faces, chord_mm, angle_rad);
 
     PartTables tables;
     TopTools_IndexedMapOfShape edges;

@@ -53,8 +53,9 @@ TopoDS_Face heal(const TopoDS_Face &face);
 void append_loops(const FaceSurface &surface, int32_t face, TopTools_IndexedMapOfShape &edges,
                   std::vector<EdgeCurve> &curves, PartTables &tables);
 
-/* Tessellates all faces together, so that neighbours share points. */
-void tessellate(std::vector<TopoDS_Face> &faces, double chord_mm, double angle_rad);
+/* Tessellates all faces together, so that neighbours share points. Returns the chord used: the one
+ * asked for, or more where the part is too large for it. */
+double tessellate(std::vector<TopoDS_Face> &faces, double chord_mm, double angle_rad);
 
 /* Appends the face's triangles; false where it has none. */
 bool append_triangles(const FaceSurface &surface, int32_t face, bool reversed, PartTables &tables);

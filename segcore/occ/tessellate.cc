@@ -2,15 +2,19 @@
 /* Triangles of the faces, with the surface's own normals. */
 #include "segcore/occ/part.h"
 
+#include <BRepBndLib.hxx>
 #include <BRepMesh_IncrementalMesh.hxx>
 #include <BRepTools.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
+#include <Bnd_Box.hxx>
 #include <GeomLib.hxx>
 #include <IMeshTools_Parameters.hxx>
 #include <Poly_Triangulation.hxx>
 #include <ShapeFix_Face.hxx>
 #include <TopoDS_Compound.hxx>
+#include <cmath>
+#include <iostream>
 
 namespace cad
 {
@@ -30,7 +34,24 @@ static bool is_meshed(const TopoDS_Face &face)
     return !mesh.IsNull() && mesh->NbTriangles() > 0 && mesh->HasUVNodes();
 }
 
-void tessellate(std::vector<TopoDS_Face> &faces, double chord_mm, double angle_rad)
+/* A chord far below the part's size asks for more triangles than can be made in time. */
+static const double kLeastChord = 1e-5; /* of the diagonal of the part's box */
+
+static double feasible_chord(const TopoDS_Shape &shape, double chord_mm)
+{
+    Bnd_Box box;
+    BRepBndLib::Add(shape, box, false);
+    if (box.IsVoid())
+        return chord_mm;
+    double least = kLeastChord * std::sqrt(box.SquareExtent());
+    if (chord_mm >= least)
+        return chord_mm;
+    std::cerr << "the part is " << least / kLeastChord << " mm large: tessellated with a chord of "
+              << least << " mm, not " << chord_mm << " mm\n";
+    return least;
+}
+
+double tessellate(std::vector<TopoDS_Face> &faces, double chord_mm, double angle_rad)
 {
     TopoDS_Compound all;
     BRep_Builder builder;
@@ -38,6 +59,7 @@ void tessellate(std::vector<TopoDS_Face> &faces, double chord_mm, double angle_r
     for (const TopoDS_Face &face : faces)
         builder.Add(all, face);
     BRepTools::Clean(all);
+    chord_mm = feasible_chord(all, chord_mm);
     mesh(all, chord_mm, angle_rad);
     for (TopoDS_Face &face : faces) {
         if (is_meshed(face))
@@ -52,6 +74,7 @@ void tessellate(std::vector<TopoDS_Face> &faces, double chord_mm, double angle_r
         if (is_meshed(fixed))
             face = fixed;
     }
+    return chord_mm;
 }
 
 /* Su × Sv; at a pole of the surface its limit, or the zero vector. */
