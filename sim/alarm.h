@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The alarms of vcnc: one table, printed in docs/vcnc.md. */
+#ifndef SIM_ALARM_H
+#define SIM_ALARM_H
+
+#include <glib.h>
+#include <stdint.h>
+
+/* Codes are stable: below 100 docs/protocol.md's, 1xx a program that the machine refuses at VERIFY,
+ * 2xx the machine itself. */
+typedef enum {
+    SIM_ALARM_PROGRAM = 101, /* a block that the machine does not know or cannot execute */
+    SIM_ALARM_LIMIT = 102,   /* a limit of travel or spindle speed */
+    SIM_ALARM_ESTOP = 201,   /* the emergency stop is pressed */
+} SimAlarm;
+
+/* What it is, where nothing more is known, and what to do. */
+const char *sim_alarm_text(SimAlarm alarm);
+const char *sim_alarm_advice(SimAlarm alarm);
+
+/* A refused program is a GError of this domain whose code is a SimAlarm. */
+#define SIM_ALARM sim_alarm_quark()
+GQuark sim_alarm_quark(void);
+
+#endif

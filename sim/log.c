@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sim/log.h"
+
+#include <errno.h>
+#include <glib/gstdio.h>
+#include <math.h>
+#include <stdio.h>
+
+struct SimLog {
+    char *path;
+    FILE *file;
+    int error; /* errno of the first failure */
+    GString *line;
+};
+
+static const char *kind_name(NcMoveKind kind);
+static void append_string(GString *line, const char *text);
+static void write_line(SimLog *log, bool flush);
+
+SimLog *sim_log_open(const char *path, GError **error)
+{
+    FILE *file = g_fopen(path, "we");
+    if (!file) {
+        int cause = errno;
+        g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(cause),
+                    "%s: cannot begin the log: %s", path, g_strerror(cause));
+        return NULL;
+    }
+    SimLog *log = g_new0(SimLog, 1);
+    log->path = g_strdup(path);
+    log->file = file;
+    log->line = g_string_new(NULL);
+    return log;
+}
+
+bool sim_log_close(SimLog *log, GError **error)
+{
+    if (fclose(log->file) != 0 && log->error == 0)
+        log->error = errno;
+    bool good = log->error == 0;
+    if (!good)
+        g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(log->error),
+                    "%s: the log is not complete: %s", log->path, g_strerror(log->error));
+    g_string_free(log->line, TRUE);
+    g_free(log->path);
+    g_free(log);
+    return good;
+}
+
+void sim_log_program(SimLog *log, const SimProgram *program)
+{
+    g_string_printf(log->line, "{\"program\":\"%s\",\"planned_s\":", program->sha256);
+    sim_log_number(log->line, sim_program_duration_s(program));
+    g_string_append_c(log->line, '}');
+    write_line(log, true);
+}
+
+void sim_log_refused(SimLog *log, uint16_t code, const char *text)
+{
+    g_string_printf(log->line, "{\"refused\":%u,\"text\":", code);
+    append_string(log->line, text);
+    g_string_append_c(log->line, '}');
+    write_line(log, true);
+}
+
+void sim_log_action(SimLog *log, const SimAction *action)
+{
+    GString *line = log->line;
+    if (action->kind == SIM_STATE) {
+        g_string_printf(line, "{\"state\":\"%s\",\"time_s\":", fb_state_name(action->state));
+        sim_log_number(line, action->time_s);
+        g_string_append_c(line, '}');
+        write_line(log, true);
+        return;
+    }
+    const SimBlock *block = &action->block;
+    const double numbers[] = {block->start_s,       block->end_s,         block->position_mm.x,
+                              block->position_mm.y, block->position_mm.z, block->feed_mm_min};
+    static const char *const before[] = {
+        "\"start_s\":", ",\"end_s\":", ",\"position_mm\":[", ",", ",", "],\"feed_mm_min\":"};
+    g_string_printf(line, "{\"line\":%u,\"kind\":\"%s\",", block->line, kind_name(block->kind));
+    for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++) {
+        g_string_append(line, before[i]);
+        sim_log_number(line, numbers[i]);
+    }
+    g_string_append_c(line, '}');
+    write_line(log, false);
+}
+
+void sim_log_number(GString *line, double value)
+{
+    if (!isfinite(value)) {
+        g_string_append(line, "null");
+        return;
+    }
+    char text[G_ASCII_DTOSTR_BUF_SIZE];
+    value += 0.0; /* no "-0" */
+    for (int digits = 15; digits <= 17; digits++) {
+        char format[8];
+        g_snprintf(format, sizeof format, "%%.%dg", digits);
+        g_ascii_formatd(text, sizeof text, format, value);
+        if (g_ascii_strtod(text, NULL) == value)
+            break;
+    }
+    g_string_append(line, text);
+}
+
+static const char *kind_name(NcMoveKind kind)
+{
+    switch (kind) {
+    case NC_MOVE_RAPID:
+        return "rapid";
+    case NC_MOVE_FEED:
+        return "feed";
+    case NC_MOVE_ARC:
+        return "arc";
+    case NC_MOVE_DWELL:
+        return "dwell";
+    case NC_MOVE_TOOL_CHANGE:
+        return "tool-change";
+    case NC_MOVE_SPINDLE:
+        return "spindle";
+    case NC_MOVE_COOLANT:
+        return "coolant";
+    case NC_MOVE_STOP:
+        return "stop";
+    case NC_MOVE_OPTIONAL_STOP:
+        return "optional-stop";
+    case NC_MOVE_END:
+        return "end";
+    }
+    return "";
+}
+
+static void append_string(GString *line, const char *text)
+{
+    g_autofree char *valid = g_utf8_make_valid(text, -1);
+    g_string_append_c(line, '"');
+    for (const char *c = valid; *c; c++) {
+        if (*c == '"' || *c == '\\')
+            g_string_append_printf(line, "\\%c", *c);
+        else if ((guchar)*c < 0x20)
+            g_string_append_printf(line, "\\u%04x", (guint)*c);
+        else
+            g_string_append_c(line, *c);
+    }
+    g_string_append_c(line, '"');
+}
+
+/* State changes are flushed: whoever follows the file sees them when they happen. */
+static void write_line(SimLog *log, bool flush)
+{
+    g_string_append_c(log->line, '\n');
+    if ((fwrite(log->line->str, 1, log->line->len, log->file) != log->line->len ||
+         (flush && fflush(log->file) != 0)) &&
+        log->error == 0)
+        log->error = errno;
+}

@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The log of --log: one JSON object a line (docs/schema/vcnc-log.json). Times are those of the
+ * program's clock, so two runs of one program give the same bytes.
+ */
+#ifndef SIM_LOG_H
+#define SIM_LOG_H
+
+#include "sim/controller.h"
+
+typedef struct SimLog SimLog;
+
+/* Begins a new file. Errors: G_FILE_ERROR. */
+SimLog *sim_log_open(const char *path, GError **error);
+
+/* Frees the log; false with G_FILE_ERROR where a line could not be written. */
+bool sim_log_close(SimLog *log, GError **error);
+
+void sim_log_program(SimLog *log, const SimProgram *program);
+void sim_log_refused(SimLog *log, uint16_t code, const char *text);
+void sim_log_action(SimLog *log, const SimAction *action);
+
+/* Appends the shortest decimal form that reads back as the same number; "null" unless finite. */
+void sim_log_number(GString *line, double value);
+
+#endif

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The machine as a whole: controller, receiver, Modbus server and log in one main loop. */
+#ifndef SIM_MACHINE_H
+#define SIM_MACHINE_H
+
+#include "sim/controller.h"
+#include "sim/log.h"
+
+typedef struct {
+    const CfgMachine *machine;
+    const CfgToolTable *tools;
+    const char *host;
+    uint16_t port; /* 0: any free one */
+    double speed;  /* as SimControllerOptions */
+    uint32_t epoch;
+    SimLog *log; /* may be NULL; stays the caller's */
+} SimMachineOptions;
+
+typedef struct SimMachine SimMachine;
+
+/* Serves from now on, in the default main context, and is OFF until it is acknowledged. What the
+ * options point to must outlive it. Errors: FB_ERROR of the server. */
+SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error);
+
+/* Closes the connections; waits for a program that is just being examined. */
+void sim_machine_free(SimMachine *machine);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimMachine, sim_machine_free)
+
+uint16_t sim_machine_port(const SimMachine *machine);
+
+/* What a person does at the machine: SIM_ACKNOWLEDGE or SIM_ESTOP. */
+void sim_machine_press(SimMachine *machine, SimEventKind button);
+
+/* What has been done since the start, some lines of text; caller frees. */
+char *sim_machine_summary(const SimMachine *machine);
+
+#endif
