@@ -1,0 +1,190 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "fieldbus/mbap.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+enum {
+    IN_BYTES = 8 * FB_ADU_BYTES,
+    OUT_BYTES = 64 * 1024, /* answers that the peer has not read: more is no honest peer */
+    PARTIAL_US = 5000000,  /* for an ADU to come whole */
+};
+
+/* The connection is its own GSource: it lives while it is dispatched, whatever a callback frees. */
+struct FbMbap {
+    GSource source;
+    int fd;
+    gpointer tag;
+    GIOCondition wanted;
+    FbMbapCallbacks callbacks;
+    void *data;
+    int64_t heard_us;
+    int64_t partial_until_us; /* INT64_MAX: no part of an ADU is here */
+    const char *fault;        /* told from the main loop, never from fb_mbap_send */
+    GByteArray *out;
+    size_t n_in;
+    uint8_t in[IN_BYTES];
+};
+
+/* The two functions that touch the network: > 0 bytes, 0 would block, -1 ended. */
+static ssize_t stream_read(FbMbap *m, uint8_t *bytes, size_t n)
+{
+    const ssize_t got = recv(m->fd, bytes, n, 0);
+    if (got > 0)
+        return got;
+    return got < 0 && (errno == EAGAIN || errno == EINTR) ? 0 : -1;
+}
+
+static ssize_t stream_write(FbMbap *m, const uint8_t *bytes, size_t n)
+{
+    const ssize_t put = send(m->fd, bytes, n, MSG_NOSIGNAL);
+    if (put >= 0)
+        return put;
+    return errno == EAGAIN || errno == EINTR ? 0 : -1;
+}
+
+static void fail(FbMbap *m)
+{
+    void (*broken)(FbMbap *, const char *, void *) = m->callbacks.broken;
+    m->callbacks.broken = NULL;
+    if (broken)
+        broken(m, m->fault, m->data);
+}
+
+/* Bytes of the whole ADU at the head of `in`; 0: not whole yet; -1: no Modbus. */
+static ssize_t whole_adu(const uint8_t *in, size_t n)
+{
+    if (n < FB_MBAP_HEADER_BYTES - 1)
+        return 0;
+    const unsigned protocol = (unsigned)in[2] << 8 | in[3];
+    const unsigned length = (unsigned)in[4] << 8 | in[5];
+    if (protocol != 0 || length < 2 || length > FB_ADU_BYTES - 6)
+        return -1;
+    return n >= 6 + length ? (ssize_t)(6 + length) : 0;
+}
+
+/* Hands up the whole ADUs; what is left gets a time by which it must be whole. */
+static void hand_up(FbMbap *m, int64_t now_us)
+{
+    size_t at = 0;
+    ssize_t n;
+    while ((n = whole_adu(m->in + at, m->n_in - at)) > 0) {
+        m->heard_us = now_us;
+        m->callbacks.adu(m, m->in + at, (size_t)n, m->data);
+        if (g_source_is_destroyed(&m->source))
+            return;
+        at += (size_t)n;
+    }
+    if (n < 0) {
+        m->fault = "what came is not Modbus TCP";
+        return;
+    }
+    m->n_in -= at;
+    memmove(m->in, m->in + at, m->n_in);
+    if (m->n_in == 0)
+        m->partial_until_us = INT64_MAX;
+    else if (at > 0 || m->partial_until_us == INT64_MAX)
+        m->partial_until_us = now_us + PARTIAL_US;
+}
+
+static void write_out(FbMbap *m)
+{
+    if (m->out->len > 0) {
+        const ssize_t n = stream_write(m, m->out->data, m->out->len);
+        if (n < 0)
+            m->fault = "the connection was closed";
+        else if (n > 0)
+            g_byte_array_remove_range(m->out, 0, (guint)n);
+    }
+    if (m->out->len > OUT_BYTES)
+        m->fault = "the peer does not read";
+    if (m->fault)
+        g_source_set_ready_time(&m->source, 0);
+    const GIOCondition wanted = m->out->len > 0 ? G_IO_IN | G_IO_OUT : G_IO_IN;
+    if (wanted != m->wanted) /* a change wakes the main loop: not for every message */
+        g_source_modify_unix_fd(&m->source, m->tag, wanted);
+    m->wanted = wanted;
+}
+
+static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer none)
+{
+    (void)unused, (void)none;
+    FbMbap *m = (FbMbap *)source;
+    const int64_t now_us = g_source_get_time(source);
+    const GIOCondition ready = g_source_query_unix_fd(source, m->tag);
+    if (ready & G_IO_OUT)
+        write_out(m);
+    if (ready & (G_IO_IN | G_IO_HUP | G_IO_ERR) && !m->fault) {
+        const ssize_t n = stream_read(m, m->in + m->n_in, IN_BYTES - m->n_in);
+        if (n < 0) {
+            m->fault = "the connection was closed";
+        } else if (n > 0) {
+            m->n_in += (size_t)n;
+            hand_up(m, now_us);
+            if (g_source_is_destroyed(source))
+                return G_SOURCE_CONTINUE;
+        }
+    }
+    if (!m->fault && now_us >= m->partial_until_us)
+        m->fault = "a message did not come whole in time";
+    if (m->fault)
+        fail(m);
+    else
+        g_source_set_ready_time(source,
+                                m->partial_until_us == INT64_MAX ? -1 : m->partial_until_us);
+    return G_SOURCE_CONTINUE;
+}
+
+static void finalize(GSource *source)
+{
+    FbMbap *m = (FbMbap *)source;
+    g_byte_array_unref(m->out);
+}
+
+static GSourceFuncs functions = {.dispatch = dispatch, .finalize = finalize};
+
+FbMbap *fb_mbap_new(int fd, const FbMbapCallbacks *callbacks, void *data, GMainContext *context)
+{
+    const int one = 1;
+    FbMbap *m = (FbMbap *)g_source_new(&functions, sizeof *m);
+    fcntl(fd, F_SETFL, fcntl(fd, F_GETFL) | O_NONBLOCK);
+    setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &one, sizeof one);
+    m->fd = fd;
+    m->callbacks = *callbacks;
+    m->data = data;
+    m->heard_us = g_get_monotonic_time();
+    m->out = g_byte_array_new();
+    m->partial_until_us = INT64_MAX;
+    m->tag = g_source_add_unix_fd(&m->source, fd, G_IO_IN);
+    m->wanted = G_IO_IN;
+    g_source_set_static_name(&m->source, "modbus connection");
+    g_source_attach(&m->source, context);
+    return m;
+}
+
+void fb_mbap_free(FbMbap *m)
+{
+    if (!m)
+        return;
+    g_source_destroy(&m->source);
+    close(m->fd);
+    g_source_unref(&m->source);
+}
+
+void fb_mbap_send(FbMbap *m, const uint8_t *adu, size_t n)
+{
+    const bool behind = m->out->len > 0;
+    g_byte_array_append(m->out, adu, (guint)n);
+    if (!behind)
+        write_out(m);
+}
+
+int64_t fb_mbap_heard_us(const FbMbap *m)
+{
+    return m->heard_us;
+}

@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * One Modbus TCP connection, framed: whole ADUs with a possible MBAP header go up, and nothing
+ * else. A GSource over a non-blocking socket; everything is bounded, so a peer that sends a byte at
+ * a time, or never reads, costs the others nothing. Both sides use it.
+ */
+#ifndef FIELDBUS_MBAP_H
+#define FIELDBUS_MBAP_H
+
+#include "fieldbus/fieldbus.h"
+
+enum { FB_MBAP_HEADER_BYTES = 7, FB_ADU_BYTES = 260 };
+
+typedef struct FbMbap FbMbap;
+
+/* `adu` may free the connection, `broken` (called once, nothing follows) must. */
+typedef struct {
+    void (*adu)(FbMbap *mbap, const uint8_t *adu, size_t n, void *data);
+    void (*broken)(FbMbap *mbap, const char *why, void *data);
+} FbMbapCallbacks;
+
+/* Takes `fd`, a connected socket. */
+FbMbap *fb_mbap_new(int fd, const FbMbapCallbacks *callbacks, void *data, GMainContext *context);
+void fb_mbap_free(FbMbap *mbap); /* closes */
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbMbap, fb_mbap_free)
+
+/* Queues bytes and writes what the socket takes now. A failure is told by `broken`, later. */
+void fb_mbap_send(FbMbap *mbap, const uint8_t *adu, size_t n);
+
+int64_t fb_mbap_heard_us(const FbMbap *mbap); /* when the last whole ADU came, or it was opened */
+
+#endif

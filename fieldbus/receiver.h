@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What the machine's receiver is to the room: blocks written to it by whatever carries them. */
+#ifndef FIELDBUS_RECEIVER_H
+#define FIELDBUS_RECEIVER_H
+
+#include "fieldbus/wire.h"
+
+typedef enum { FB_BLOCK_COMMAND = 1, FB_BLOCK_CHUNK, FB_BLOCK_BEAT } FbBlock;
+
+/* Steps by a block of any n bytes; the answer is also in the status from then on. Appends FbDo
+ * values to `actions`. */
+FbAnswer fb_receiver_write(FbReceiver *receiver, FbBlock block, const uint8_t *bytes, size_t n,
+                           int64_t now_us, GArray *actions);
+
+#endif

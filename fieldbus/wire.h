@@ -1,0 +1,93 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The blocks of docs/protocol.md, section 2, as bytes: the only place that knows them. Modbus
+ * carries a block as big-endian registers, so bytes and registers are the same thing here.
+ *
+ * Encoders write exactly the bytes that they return; buffers are at least FB_BLOCK_BYTES. Decoders
+ * trust nothing: any bytes, any length.
+ */
+#ifndef FIELDBUS_WIRE_H
+#define FIELDBUS_WIRE_H
+
+#include "fieldbus/fieldbus.h"
+
+enum {
+    FB_PROTOCOL_VERSION = 0x0100,
+
+    FB_AT_STATUS = 0, /* first registers */
+    FB_AT_ALARM = 128,
+    FB_AT_COMMAND = 1024,
+    FB_AT_CHUNK = 1152,
+    FB_AT_BEAT = 1280,
+    FB_N_REGISTERS = 2048,
+
+    FB_STATUS_BYTES = 248,
+    FB_ALARM_BYTES = 200,
+    FB_COMMAND_BYTES = 32, /* without arguments */
+    FB_OPEN_BYTES = 52,    /* arguments of OPEN */
+    FB_CHUNK_HEADER_BYTES = 24,
+    FB_CHUNK_BYTES = 218, /* most bytes of the program in one chunk */
+    FB_BEAT_BYTES = 20,
+    FB_WRITE_BYTES = 242, /* largest block that is written: 121 registers */
+    FB_BLOCK_BYTES = 250, /* largest block: 125 registers */
+
+    FB_GATE_BYTES = 8, /* an entry of the table of gates */
+};
+
+typedef struct {
+    uint8_t id[32];
+    uint64_t program_bytes;
+    uint32_t gates, gates_crc;
+    uint16_t flags, window;
+} FbOpen;
+
+typedef struct {
+    uint32_t session, seq, epoch, transfer;
+    uint64_t token;
+    FbCommand command;
+    FbOpen open;  /* of OPEN only */
+    uint32_t crc; /* as decoded; says whether two commands are the same, byte for byte */
+} FbOrder;
+
+typedef struct {
+    uint32_t epoch, transfer;
+    uint64_t offset;
+    uint16_t length;
+    const uint8_t *bytes; /* inside the decoded block */
+} FbChunk;
+
+typedef struct {
+    uint32_t session;
+    uint64_t token;
+    uint32_t count;
+} FbBeat;
+
+size_t fb_wire_put_status(uint8_t *out, const FbStatus *status);
+size_t fb_wire_put_alarm(uint8_t *out, const FbStatus *status);
+size_t fb_wire_put_order(uint8_t *out, const FbOrder *order);
+size_t fb_wire_put_chunk(uint8_t *out, const FbChunk *chunk); /* an even number of bytes */
+size_t fb_wire_put_beat(uint8_t *out, const FbBeat *beat);
+
+/* False where the block is damaged or breaks the protocol; the texts of `status` are not touched,
+ * and `status` is undefined on failure. */
+bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *status);
+
+/* The code, serial and texts; nothing is changed on failure, or where the serial is not that of
+ * `status`. */
+bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *status);
+
+/* FB_ANSWER_DONE, _MALFORMED or _CRC; after MALFORMED the result is not usable, after CRC not true.
+ */
+FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *order);
+FbAnswer fb_wire_get_chunk(const uint8_t *in, size_t n, FbChunk *chunk);
+FbAnswer fb_wire_get_beat(const uint8_t *in, size_t n, FbBeat *beat);
+
+/* `text` (or NULL) into FB_TEXT_BYTES: cut between characters, padded with at least one NUL. */
+void fb_wire_text(char *to, const char *text);
+
+/* The table of gates. `out` has n · FB_GATE_BYTES. */
+void fb_wire_put_gates(uint8_t *out, const uint64_t *gates, size_t n);
+void fb_wire_get_gates(const uint8_t *in, uint64_t *gates, size_t n);
+uint32_t fb_wire_crc(const uint8_t *bytes, size_t n);
+
+#endif
