@@ -1,0 +1,322 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The plan: a tool and a toolpath for every region, in the order of the program. */
+#include <string.h>
+
+#include "nc/plan/estimate.h"
+#include "nc/plan/technology.h"
+
+static bool planner_init(NcPlanner *planner, const NcPlanInput *input, GError **error);
+static void planner_clear(NcPlanner *planner);
+static NcPlan *plan_of(NcPlanner *planner, CfgMethod method, GArray *operations);
+static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray *operations,
+                        GError **error);
+static bool cut_region(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
+                       const NcReach *reach, NcOperation *operation, GError **error);
+static void sort_operations(GArray *operations);
+static void operation_clear(void *operation);
+
+NcPlan *nc_plan_new(const NcPlanInput *input, GError **error)
+{
+    NcPlanner planner;
+    if (!planner_init(&planner, input, error))
+        return NULL;
+    GArray *operations = g_array_new(FALSE, TRUE, sizeof(NcOperation));
+    g_array_set_clear_func(operations, operation_clear);
+    const SegSegmentation *segmentation = input->segmentation;
+    for (size_t r = 0; r < segmentation->n_regions; r++) {
+        if (!plan_region(&planner, &segmentation->regions[r], operations, error)) {
+            g_array_unref(operations);
+            planner_clear(&planner);
+            return NULL;
+        }
+        if (input->progress)
+            input->progress((double)(r + 1) / (double)segmentation->n_regions,
+                            input->progress_data);
+    }
+    return plan_of(&planner, input->recipe->method, operations);
+}
+
+NcPlan *nc_plan_baseline(const NcPlanInput *input, GError **error)
+{
+    NcPlanner planner;
+    if (!planner_init(&planner, input, error))
+        return NULL;
+    const SegSegmentation *segmentation = input->segmentation;
+    const CfgRecipe *recipe = input->recipe;
+    g_autoptr(GPtrArray) regions = g_ptr_array_new_with_free_func((GDestroyNotify)nc_region_free);
+    g_autofree const SegRegion **from = g_new(const SegRegion *, segmentation->n_regions + 1);
+    size_t n = 0;
+    for (size_t r = 0; r < segmentation->n_regions; r++) {
+        const CfgRegion *wish = cfg_recipe_region(recipe, segmentation->regions[r].name);
+        if (wish && wish->skip)
+            continue;
+        from[n++] = &segmentation->regions[r];
+        g_ptr_array_add(regions, nc_region_new(input->part, &planner.setup, &from[n - 1], 1,
+                                               recipe->keep_out, recipe->n_keep_out));
+    }
+    g_autoptr(NcRegion) whole =
+        nc_region_new(input->part, &planner.setup, from, n, recipe->keep_out, recipe->n_keep_out);
+    NcReach reach = {0};
+    const CfgTool *tool = nc_technology_one_tool(&planner, (NcRegion *const *)regions->pdata,
+                                                 regions->len, whole, &reach);
+    GArray *operations = g_array_new(FALSE, TRUE, sizeof(NcOperation));
+    g_array_set_clear_func(operations, operation_clear);
+    NcOperation operation = {
+        .region = 1, .region_name = g_strdup("part"), .kind = SEG_REGION_REST, .tool = tool};
+    bool ok = true;
+    if (tool) {
+        ok = cut_region(&planner, whole, NULL, &reach, &operation, error);
+        g_array_append_val(operations, operation);
+    } else {
+        operation_clear(&operation);
+    }
+    if (input->progress)
+        input->progress(1, input->progress_data);
+    if (!ok) {
+        g_array_unref(operations);
+        planner_clear(&planner);
+        return NULL;
+    }
+    return plan_of(&planner, CFG_METHOD_NONE, operations);
+}
+
+void nc_plan_free(NcPlan *plan)
+{
+    if (!plan)
+        return;
+    for (size_t i = 0; i < plan->n_operations; i++)
+        operation_clear(&plan->operations[i]);
+    g_free(plan->operations);
+    if (plan->notes)
+        g_ptr_array_unref(plan->notes);
+    g_free(plan);
+}
+
+const char *nc_strategy_name(CfgStrategy strategy)
+{
+    switch (strategy) {
+    case CFG_STRATEGY_AUTO:
+        return "auto";
+    case CFG_STRATEGY_ISO_PLANAR:
+        return "iso-planar";
+    case CFG_STRATEGY_ISO_PARAMETRIC:
+        return "iso-parametric";
+    }
+    return "unknown";
+}
+
+/* ------------------------------------------------------------------------ planner */
+
+static bool planner_init(NcPlanner *planner, const NcPlanInput *input, GError **error)
+{
+    *planner = (NcPlanner){.input = input};
+    const CfgRecipe *recipe = input->recipe;
+    if (!nc_budget_share(recipe, &planner->budget, error))
+        return false;
+    if (input->part->chord_mm > planner->budget.tessellation_mm * (1 + 1e-9)) {
+        g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                    "the part was tessellated to %g mm, but its share of quality.tolerance_mm = %g "
+                    "is %g mm; load it with that, or set part.chord_mm",
+                    input->part->chord_mm, recipe->tolerance_mm, planner->budget.tessellation_mm);
+        return false;
+    }
+    if (recipe->stock_to_leave_mm > 0 && recipe->stock_to_leave_mm >= recipe->allowance_mm) {
+        g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                    "quality.stock_to_leave_mm = %g leaves nothing to cut of "
+                    "stock.allowance_mm = %g",
+                    recipe->stock_to_leave_mm, recipe->allowance_mm);
+        return false;
+    }
+    g_autoptr(GPtrArray) tools = nc_planner_tools(planner, error);
+    if (!tools)
+        return false;
+    planner->setup = nc_setup_new(input->part, recipe->up, recipe->zero);
+    planner->terrain = nc_terrain_from_part(input->part, &planner->setup);
+    SegVec3 min, max;
+    nc_terrain_bounds(planner->terrain, &min, &max);
+    planner->floor_mm = min.z;
+    planner->clearance_mm = max.z + recipe->allowance_mm + recipe->clearance_mm;
+    planner->notes = g_ptr_array_new_with_free_func(g_free);
+    return true;
+}
+
+static void planner_clear(NcPlanner *planner)
+{
+    nc_terrain_free(planner->terrain);
+    if (planner->notes)
+        g_ptr_array_unref(planner->notes);
+}
+
+GPtrArray *nc_planner_tools(const NcPlanner *planner, GError **error)
+{
+    const CfgRecipe *recipe = planner->input->recipe;
+    const CfgToolTable *table = planner->input->tools;
+    g_autoptr(GPtrArray) tools = g_ptr_array_new();
+    for (size_t i = 0; i < recipe->n_use_tools; i++) {
+        const CfgTool *tool = cfg_tools_find(table, recipe->use_tools[i]);
+        if (!tool) {
+            g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                        "tools.use names tool %d, which the tool table does not have",
+                        recipe->use_tools[i]);
+            return NULL;
+        }
+        g_ptr_array_add(tools, (gpointer)tool);
+    }
+    for (size_t i = 0; recipe->n_use_tools == 0 && i < table->n_tools; i++)
+        g_ptr_array_add(tools, (gpointer)&table->tools[i]);
+    if (tools->len == 0) {
+        g_set_error(error, NC_ERROR, NC_ERROR_PLAN, "the tool table is empty");
+        return NULL;
+    }
+    return g_steal_pointer(&tools);
+}
+
+char *nc_planner_tool_name(const CfgTool *tool)
+{
+    return g_strdup_printf("tool %d (%s Ø%g)", tool->number, cfg_tool_kind_name(tool->kind),
+                           tool->diameter_mm);
+}
+
+/* Takes the operations and the planner's notes; the rest of the planner ends here. */
+static NcPlan *plan_of(NcPlanner *planner, CfgMethod method, GArray *operations)
+{
+    NcPlan *plan = g_new0(NcPlan, 1);
+    sort_operations(operations);
+    plan->method = method;
+    plan->budget = planner->budget;
+    plan->clearance_mm = planner->clearance_mm;
+    plan->notes = g_steal_pointer(&planner->notes);
+    plan->n_operations = operations->len;
+    plan->operations = (NcOperation *)(void *)g_array_free(operations, FALSE);
+    nc_estimate_plan(plan, planner->input->recipe, planner->input->machine);
+    planner_clear(planner);
+    return plan;
+}
+
+static void operation_clear(void *data)
+{
+    NcOperation *operation = data;
+    g_free(operation->region_name);
+    if (operation->path.locations)
+        g_array_unref(operation->path.locations);
+}
+
+/* ------------------------------------------------------------------------ regions */
+
+G_GNUC_PRINTF(2, 3)
+static void note(const NcPlanner *planner, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    g_ptr_array_add(planner->notes, g_strdup_vprintf(format, arguments));
+    va_end(arguments);
+}
+
+static void note_unreachable(const NcPlanner *planner, const NcOperation *operation,
+                             const NcReach *reach)
+{
+    double left = nc_reach_unreachable_mm2(reach);
+    if (left <= 0)
+        return;
+    note(planner,
+         "region %d '%s': %.4g of %.4g mm² cannot be reached in three axes (%.4g facing down or "
+         "covered, %.4g too narrow for the cutter, %.4g for shank or holder, %.4g below the part)",
+         operation->region, operation->region_name, left, reach->requested_mm2, reach->downward_mm2,
+         reach->cutter_mm2, reach->body_mm2, reach->floor_mm2);
+}
+
+static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray *operations,
+                        GError **error)
+{
+    const CfgRecipe *recipe = planner->input->recipe;
+    const CfgRegion *wish = cfg_recipe_region(recipe, from->name);
+    if (wish && wish->skip) {
+        note(planner, "region %d '%s': skipped by the recipe", from->id, from->name);
+        return true;
+    }
+    g_autoptr(NcRegion) region = nc_region_new(planner->input->part, &planner->setup, &from, 1,
+                                               recipe->keep_out, recipe->n_keep_out);
+    if (region->n_facets == 0) {
+        note(planner, "region %d '%s': all of its faces are kept out", from->id, from->name);
+        return true;
+    }
+    NcReach reach = {0};
+    const CfgTool *tool;
+    if (wish && wish->tool != 0) {
+        tool = cfg_tools_find(planner->input->tools, wish->tool);
+        if (!tool) {
+            g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                        "[region.%s] tool = %d: the tool table does not have it", from->name,
+                        wish->tool);
+            return false;
+        }
+        reach = nc_technology_reach(planner, region, tool, NULL);
+    } else {
+        tool = nc_technology_tool(planner, region, &reach);
+    }
+    NcOperation operation = {
+        .region = from->id, .region_name = g_strdup(from->name), .kind = from->kind, .tool = tool};
+    note_unreachable(planner, &operation, &reach);
+    double left = nc_reach_unreachable_mm2(&reach);
+    if (!tool || left >= reach.requested_mm2 * (1 - 1e-9)) {
+        note(planner, "region %d '%s': no operation, because nothing of it can be reached",
+             from->id, from->name);
+        operation_clear(&operation);
+        return true;
+    }
+    bool ok = cut_region(planner, region, wish, &reach, &operation, error);
+    g_array_append_val(operations, operation);
+    return ok;
+}
+
+static bool cut_region(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
+                       const NcReach *reach, NcOperation *operation, GError **error)
+{
+    operation->requested_area_mm2 = reach->requested_mm2;
+    operation->unreachable_area_mm2 = nc_reach_unreachable_mm2(reach);
+    if (!nc_technology_cutting(planner, wish, operation, error) ||
+        !nc_technology_depth(planner, operation, error) ||
+        !nc_planner_cut(planner, region, wish, operation, error))
+        return false;
+    if (operation->path.locations->len > 0)
+        return true;
+    g_autofree char *name = nc_planner_tool_name(operation->tool);
+    g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                "region %d '%s': %s reaches %.4g of %.4g mm², but %s passes touch none of it",
+                operation->region, operation->region_name, name,
+                reach->requested_mm2 - operation->unreachable_area_mm2, reach->requested_mm2,
+                nc_strategy_name(operation->strategy));
+    return false;
+}
+
+/* Larger tools first, each called once; among a tool's regions the nearest next. */
+static void sort_operations(GArray *operations)
+{
+    NcOperation *o = (NcOperation *)(void *)operations->data;
+    SegVec3 at = {0, 0, 0};
+    for (guint i = 0; i < operations->len; i++) {
+        guint best = i;
+        for (guint j = i; j < operations->len; j++) {
+            const NcOperation *a = &o[j], *b = &o[best];
+            bool same = i > 0 && o[i - 1].tool == a->tool, was = i > 0 && o[i - 1].tool == b->tool;
+            if (same != was) {
+                best = same ? j : best;
+            } else if (a->tool != b->tool) {
+                bool larger = a->tool->diameter_mm != b->tool->diameter_mm
+                                  ? a->tool->diameter_mm > b->tool->diameter_mm
+                                  : a->tool->number < b->tool->number;
+                best = larger ? j : best;
+            } else {
+                SegVec3 p = g_array_index(a->path.locations, NcLocation, 0).tip;
+                SegVec3 q = g_array_index(b->path.locations, NcLocation, 0).tip;
+                bool nearer = hypot(p.x - at.x, p.y - at.y) < hypot(q.x - at.x, q.y - at.y) - 1e-9;
+                best = nearer ? j : best;
+            }
+        }
+        NcOperation taken = o[best];
+        memmove(&o[i + 1], &o[i], (best - i) * sizeof *o);
+        o[i] = taken;
+        const GArray *locations = taken.path.locations;
+        at = g_array_index(locations, NcLocation, locations->len - 1).tip;
+    }
+}

@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What every step of planning reads; made once for a plan. */
+#ifndef NC_PLAN_PLANNER_H
+#define NC_PLAN_PLANNER_H
+
+#include "nc/toolpath/strategy.h"
+
+typedef struct {
+    const NcPlanInput *input;
+    NcSetup setup;
+    NcBudget budget;
+    NcTerrain *terrain;
+    double floor_mm;     /* lowest tip: the bottom of the part */
+    double clearance_mm; /* Z of ways between operations */
+    GPtrArray *notes;
+} NcPlanner;
+
+/* The tools the recipe lets the planner use, ascending by number; GPtrArray of const CfgTool *. */
+GPtrArray *nc_planner_tools(const NcPlanner *planner, GError **error);
+
+/* "tool 3 (ball Ø6)", for messages; caller frees. */
+char *nc_planner_tool_name(const CfgTool *tool);
+
+/* Cuts one region with one tool: strategy, order, links, time. `name`, `id` and `kind` are the
+ * operation's. Leaves `operation->path` empty where nothing is touched. */
+bool nc_planner_cut(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
+                    NcOperation *operation, GError **error);
+
+#endif

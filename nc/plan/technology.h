@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Which tool a region gets, and how fast it turns and moves. */
+#ifndef NC_PLAN_TECHNOLOGY_H
+#define NC_PLAN_TECHNOLOGY_H
+
+#include "nc/plan/planner.h"
+
+/* A tool suits a region when it leaves at most this share of it more than the best tool does. */
+#define NC_SUITS 0.005
+
+/*
+ * The tool for a region: of the tools that suit it by their reach, and whose corner radius is not
+ * larger than the smallest concave radius (where one is so small), the largest: the one whose
+ * passes may lie furthest apart over the region for the scallop height. NULL where no tool reaches
+ * anything; `reach` then, too, holds the best tool's.
+ */
+const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region, NcReach *reach);
+
+/* The one tool for all regions: it suits each of them, or, where none does, leaves least. */
+const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const *regions,
+                                      size_t n_regions, const NcRegion *whole, NcReach *reach);
+
+/* What is reached by one tool. */
+NcReach nc_technology_reach(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
+                            uint8_t *reached);
+
+/*
+ * Spindle n = 1000·vc / (π·D) within the spindle's range, feed n·z·fz within the axes' speeds, by
+ * the recipe's material, whole numbers; plunge 0.4 of the feed. `wish` (may be NULL) overrides. A
+ * material the tool has no data for is NC_ERROR_PLAN.
+ */
+bool nc_technology_cutting(const NcPlanner *planner, const CfgRegion *wish, NcOperation *operation,
+                           GError **error);
+
+/* Refuses stock that is thicker, at right angles to the surface, than the tool may take. */
+bool nc_technology_depth(const NcPlanner *planner, const NcOperation *operation, GError **error);
+
+#endif

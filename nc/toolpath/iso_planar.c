@@ -1,0 +1,207 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "nc/toolpath/strategy.h"
+
+#include <string.h>
+
+#include "nc/toolpath/stepover.h"
+
+#define LEVELS 4
+#define DIRECTIONS 12
+/* A wall: the sine of the angle under which seen from above nothing of it is left. */
+#define WALL_UP 0.02
+
+typedef struct {
+    double cosine, sine; /* of the planes' direction */
+    double *across;      /* for each pass: distance of its plane from the origin */
+} Planes;
+
+static double *needed_steps(const NcJob *job, SegVec3 across);
+static double cheapest_step(const NcJob *job, const double *needed);
+static size_t lay_planes(const NcJob *job, const double *needed, double step, Planes *planes,
+                         NcPass **passes);
+static double estimate_s(const NcJob *job, double direction, double feed, double turn_s);
+
+static bool locate(const void *curves, size_t pass, double t, SegVec3 *tip)
+{
+    const Planes *planes = curves;
+    double v = planes->across[pass];
+    tip->x = planes->cosine * t - planes->sine * v;
+    tip->y = planes->sine * t + planes->cosine * v;
+    return true;
+}
+
+NcCuts nc_iso_planar(const NcJob *job, double direction)
+{
+    Planes planes = {.cosine = cos(direction), .sine = sin(direction)};
+    SegVec3 across = seg_vec3(-planes.sine, planes.cosine, 0);
+    g_autofree double *needed = needed_steps(job, across);
+    NcCuts cuts = {.stepover_mm = cheapest_step(job, needed)};
+    g_autofree NcPass *passes = NULL;
+    size_t n = lay_planes(job, needed, cuts.stepover_mm, &planes, &passes);
+    cuts.pieces = nc_trace(&job->trace, passes, n, locate, &planes);
+    g_free(planes.across);
+    return cuts;
+}
+
+double nc_iso_planar_direction(const NcJob *job, double feed, double turn_s)
+{
+    double best = 0, best_s = INFINITY;
+    for (int i = 0; i < DIRECTIONS; i++) {
+        double direction = G_PI * i / DIRECTIONS;
+        double s = estimate_s(job, direction, feed, turn_s);
+        if (s < best_s * (1 - 1e-6)) {
+            best = direction;
+            best_s = s;
+        }
+    }
+    return best;
+}
+
+double nc_iso_planar_left_mm2(const NcJob *job, const uint8_t *reached)
+{
+    double left = 0;
+    for (size_t i = 0; i < job->region->n_samples; i++)
+        if (reached[i] && job->region->samples[i].normal.z < WALL_UP)
+            left += job->region->samples[i].area_mm2;
+    return left;
+}
+
+/* The spacing each triangle of the part asks for; INFINITY outside of the region and on walls. */
+static double *needed_steps(const NcJob *job, SegVec3 across)
+{
+    const NcRegion *region = job->region;
+    double *needed = g_new(double, (size_t)job->part->n_triangles + 1);
+    for (int32_t t = 0; t < job->part->n_triangles; t++)
+        needed[t] = INFINITY;
+    for (size_t f = 0; f < region->n_facets; f++) {
+        const NcFacet *facet = &region->facets[f];
+        if (facet->normal.z >= WALL_UP)
+            needed[facet->triangle] = nc_plane_step_mm(job->trace.body.tool, job->scallop_mm,
+                                                       facet->normal, &facet->bend, across);
+    }
+    return needed;
+}
+
+/* How many times the first spacing is halved for ground that needs this step. */
+static int level_of(double first, double needed)
+{
+    int level = 0;
+    while (level < LEVELS && needed < first * (1 - 1e-9)) {
+        first /= 2;
+        level++;
+    }
+    return level;
+}
+
+/* Length of cutting per step over the region, for one first spacing. */
+static double length_of(const NcRegion *region, const double *needed, double step)
+{
+    double length = 0;
+    for (size_t i = 0; i < region->n_samples; i++) {
+        const NcFacet *facet = &region->facets[region->samples[i].facet];
+        if (isfinite(needed[facet->triangle]))
+            length += region->samples[i].area_mm2 * facet->normal.z *
+                      ldexp(1 / step, level_of(step, needed[facet->triangle]));
+    }
+    return length;
+}
+
+static int ascending(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Of the spacings that the samples ask for, the one with the least cutting in all. */
+static double cheapest_step(const NcJob *job, const double *needed)
+{
+    const NcRegion *region = job->region;
+    g_autofree double *steps = g_new(double, region->n_samples + 1);
+    size_t n = 0;
+    for (size_t i = 0; i < region->n_samples; i++) {
+        double step = needed[region->facets[region->samples[i].facet].triangle];
+        if (isfinite(step))
+            steps[n++] = step;
+    }
+    if (n == 0)
+        return job->trace.body.tool.radius_mm;
+    qsort(steps, n, sizeof *steps, ascending);
+    double best = steps[0], least = INFINITY;
+    for (size_t k = 0; k <= 24; k++) {
+        double step = steps[k * (n - 1) / 24];
+        double length = step > 0 ? length_of(region, needed, step) : INFINITY;
+        if (length < least) {
+            least = length;
+            best = step;
+        }
+    }
+    return best;
+}
+
+/* Planes over the region's bounds and the cutter beyond them; finer ones in between, level by
+ * level, where something needs them. Sorted by place, so that neighbours follow each other. */
+static size_t lay_planes(const NcJob *job, const double *needed, double step, Planes *planes,
+                         NcPass **passes)
+{
+    const NcRegion *region = job->region;
+    double u0 = INFINITY, u1 = -INFINITY, v0 = INFINITY, v1 = -INFINITY;
+    int levels = 0;
+    for (size_t f = 0; f < region->n_facets; f++) {
+        const NcFacet *facet = &region->facets[f];
+        const SegVec3 corner[3] = {facet->a, facet->b, facet->c};
+        for (int k = 0; k < 3; k++) {
+            double u = planes->cosine * corner[k].x + planes->sine * corner[k].y;
+            double v = planes->cosine * corner[k].y - planes->sine * corner[k].x;
+            u0 = fmin(u0, u);
+            u1 = fmax(u1, u);
+            v0 = fmin(v0, v);
+            v1 = fmax(v1, v);
+        }
+        levels = MAX(levels, level_of(step, needed[facet->triangle]));
+    }
+    double beyond = job->trace.body.cutter.radius_mm + job->trace.overlap_mm;
+    u0 -= beyond;
+    u1 += beyond;
+    v0 -= job->trace.body.cutter.radius_mm;
+    v1 += job->trace.body.cutter.radius_mm;
+    double fine = ldexp(step, -levels);
+    size_t n = (size_t)ceil((v1 - v0) / fine) + 1, stride = (size_t)1 << levels;
+    planes->across = g_new(double, n);
+    *passes = g_new(NcPass, n);
+    size_t steps = (size_t)fmax(ceil((u1 - u0) / nc_trace_pitch_mm(&job->trace)), 1);
+    double middle = (v0 + v1) / 2, first = middle - fine * (double)(n - 1) / 2;
+    for (size_t i = 0; i < n; i++) {
+        planes->across[i] = first + fine * (double)i;
+        /* A pass of level k serves what the planes of level k - 1 leave too high. */
+        double below = INFINITY;
+        for (size_t s = stride, level = 0; i % s != 0; s /= 2, level++)
+            below = ldexp(step, -(int)level) * (1 - 1e-9);
+        (*passes)[i] = (NcPass){.t0 = u0, .t1 = u1, .n = steps, .needed = needed, .below = below};
+        if (isinf(below))
+            (*passes)[i].needed = NULL;
+    }
+    return n;
+}
+
+/* Cutting at the feed, and a turn at the end of every plane. */
+static double estimate_s(const NcJob *job, double direction, double feed, double turn_s)
+{
+    const NcRegion *region = job->region;
+    SegVec3 along = seg_vec3(cos(direction), sin(direction), 0);
+    SegVec3 across = seg_vec3(-along.y, along.x, 0);
+    g_autofree double *needed = needed_steps(job, across);
+    double step = cheapest_step(job, needed), length = 0, v0 = INFINITY, v1 = -INFINITY;
+    for (size_t i = 0; i < region->n_samples; i++) {
+        const NcFacet *facet = &region->facets[region->samples[i].facet];
+        double need = needed[facet->triangle];
+        if (!isfinite(need))
+            continue;
+        double slope = seg_dot(facet->normal, along) / facet->normal.z;
+        length += region->samples[i].area_mm2 * facet->normal.z * hypot(1, slope) *
+                  ldexp(1 / step, level_of(step, need));
+        v0 = fmin(v0, seg_dot(region->samples[i].point, across));
+        v1 = fmax(v1, seg_dot(region->samples[i].point, across));
+    }
+    double turns = v1 > v0 ? (v1 - v0) / step : 0;
+    return 60 * length / feed + turns * turn_s;
+}

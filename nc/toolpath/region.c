@@ -1,0 +1,203 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "nc/toolpath/region.h"
+
+#include <float.h>
+
+/* Samples: one for each square of this side, within these bounds. */
+#define SAMPLE_PITCH_MM 0.5
+#define SAMPLES_LEAST 400
+#define SAMPLES_MOST 6000
+
+static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup,
+                      int32_t triangle);
+static NcBend bend_of(const SegVec3 corner[3], const SegVec3 normal[3], SegVec3 facet_normal);
+static void sample_facets(NcRegion *region);
+static void all_normals(NcRegion *region, const SegPart *part, const NcSetup *setup);
+static SegVec3 up_normal(SegVec3 a, SegVec3 b, SegVec3 c, bool *downward);
+
+static bool kept_out(int32_t face, const int32_t *keep_out, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (keep_out[i] == face)
+            return true;
+    return false;
+}
+
+NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegion *const *regions,
+                        size_t n_regions, const int32_t *keep_out, size_t n_keep_out)
+{
+    size_t most = 0, n_pieces = 0;
+    for (size_t r = 0; r < n_regions; r++) {
+        most += regions[r]->n_triangles;
+        n_pieces += regions[r]->n_pieces;
+    }
+    NcRegion *region = g_new0(NcRegion, 1);
+    region->facets = g_new(NcFacet, most + 1);
+    region->pieces = g_new(const SegPiece *, n_pieces + 1);
+    region->mask = g_new0(uint8_t, (size_t)part->n_triangles + 1);
+    region->min = seg_vec3(DBL_MAX, DBL_MAX, DBL_MAX);
+    region->max = seg_vec3(-DBL_MAX, -DBL_MAX, -DBL_MAX);
+    region->min_concave_radius_mm = INFINITY;
+
+    for (size_t r = 0; r < n_regions; r++) {
+        const SegRegion *from = regions[r];
+        region->min_concave_radius_mm =
+            fmin(region->min_concave_radius_mm, from->min_concave_radius_mm);
+        for (size_t i = 0; i < from->n_pieces; i++)
+            if (!kept_out(from->pieces[i].face, keep_out, n_keep_out))
+                region->pieces[region->n_pieces++] = &from->pieces[i];
+        for (size_t i = 0; i < from->n_triangles; i++)
+            if (!kept_out(part->triangles[from->triangles[i]].face, keep_out, n_keep_out))
+                add_facet(region, part, setup, from->triangles[i]);
+    }
+    sample_facets(region);
+    all_normals(region, part, setup);
+    return region;
+}
+
+void nc_region_free(NcRegion *region)
+{
+    if (!region)
+        return;
+    g_free(region->facets);
+    g_free(region->samples);
+    g_free(region->mask);
+    g_free(region->normals);
+    g_free(region->pieces);
+    g_free(region);
+}
+
+double nc_bend_along(const NcBend *w, SegVec3 q)
+{
+    return w->xx * q.x * q.x + w->yy * q.y * q.y + w->zz * q.z * q.z +
+           2 * (w->xy * q.x * q.y + w->yz * q.y * q.z + w->zx * q.z * q.x);
+}
+
+static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup, int32_t triangle)
+{
+    SegVec3 corner[3], normal[3];
+    for (int k = 0; k < 3; k++) {
+        const SegVertex *vertex = &part->vertices[part->triangles[triangle].vertex[k]];
+        corner[k] = nc_setup_point(setup, vertex->position);
+        normal[k] = nc_setup_direction(setup, vertex->normal);
+    }
+    SegVec3 cross = seg_cross(seg_sub(corner[1], corner[0]), seg_sub(corner[2], corner[0]));
+    double area = seg_norm(cross) / 2;
+    if (!(area > 0))
+        return;
+    NcFacet *facet = &region->facets[region->n_facets++];
+    *facet = (NcFacet){
+        .a = corner[0], .b = corner[1], .c = corner[2], .area_mm2 = area, .triangle = triangle};
+    facet->normal = up_normal(corner[0], corner[1], corner[2], &facet->downward);
+    for (int k = 0; k < 3; k++) {
+        if (seg_dot(normal[k], facet->normal) < 0)
+            normal[k] = seg_scale(normal[k], -1);
+        region->min = seg_vec3(fmin(region->min.x, corner[k].x), fmin(region->min.y, corner[k].y),
+                               fmin(region->min.z, corner[k].z));
+        region->max = seg_vec3(fmax(region->max.x, corner[k].x), fmax(region->max.y, corner[k].y),
+                               fmax(region->max.z, corner[k].z));
+    }
+    facet->bend = bend_of(corner, normal, facet->normal);
+    region->mask[triangle] = 1;
+    region->area_mm2 += area;
+}
+
+/*
+ * The tensor whose product with an edge is, in the least squares of the three edges, the change of
+ * the normal along it: Rusinkiewicz 2004, "Estimating curvatures and their derivatives on triangle
+ * meshes", §3; the sign turned so that concave is positive.
+ */
+static NcBend bend_of(const SegVec3 corner[3], const SegVec3 normal[3], SegVec3 facet_normal)
+{
+    SegVec3 u = seg_unit(seg_sub(corner[1], corner[0]));
+    SegVec3 v = seg_cross(facet_normal, u);
+    double m[3][3] = {{0}}, right[3] = {0};
+    for (int k = 0; k < 3; k++) {
+        SegVec3 edge = seg_sub(corner[(k + 1) % 3], corner[k]);
+        SegVec3 turn = seg_sub(normal[(k + 1) % 3], normal[k]);
+        double eu = seg_dot(edge, u), ev = seg_dot(edge, v);
+        double row[2][3] = {{eu, ev, 0}, {0, eu, ev}};
+        double value[2] = {seg_dot(turn, u), seg_dot(turn, v)};
+        for (int r = 0; r < 2; r++)
+            for (int i = 0; i < 3; i++) {
+                right[i] += row[r][i] * value[r];
+                for (int j = 0; j < 3; j++)
+                    m[i][j] += row[r][i] * row[r][j];
+            }
+    }
+    /* A sliver leaves a direction undetermined: no curvature is then the answer there. */
+    double keep = 1e-6 * (m[0][0] + m[1][1] + m[2][2]);
+    double w[3];
+    for (int i = 0; i < 3; i++)
+        m[i][i] += keep;
+    for (int i = 0; i < 3; i++)
+        for (int j = i + 1; j < 3; j++) {
+            double f = m[j][i] / m[i][i];
+            for (int k = i; k < 3; k++)
+                m[j][k] -= f * m[i][k];
+            right[j] -= f * right[i];
+        }
+    for (int i = 2; i >= 0; i--) {
+        w[i] = right[i];
+        for (int k = i + 1; k < 3; k++)
+            w[i] -= m[i][k] * w[k];
+        w[i] /= m[i][i];
+    }
+    double a = -w[0], b = -w[1], c = -w[2];
+    return (NcBend){.xx = a * u.x * u.x + 2 * b * u.x * v.x + c * v.x * v.x,
+                    .yy = a * u.y * u.y + 2 * b * u.y * v.y + c * v.y * v.y,
+                    .zz = a * u.z * u.z + 2 * b * u.z * v.z + c * v.z * v.z,
+                    .xy = a * u.x * u.y + b * (u.x * v.y + u.y * v.x) + c * v.x * v.y,
+                    .yz = a * u.y * u.z + b * (u.y * v.z + u.z * v.y) + c * v.y * v.z,
+                    .zx = a * u.z * u.x + b * (u.z * v.x + u.x * v.z) + c * v.z * v.x};
+}
+
+/* Equal steps along the running sum of the areas choose the triangle, the golden-ratio sequence in
+ * two dimensions (Roberts 2018) the place in it: even, and the same at every run. */
+static void sample_facets(NcRegion *region)
+{
+    double wanted = region->area_mm2 / (SAMPLE_PITCH_MM * SAMPLE_PITCH_MM);
+    size_t n = (size_t)fmin(fmax(wanted, SAMPLES_LEAST), SAMPLES_MOST);
+    if (region->n_facets == 0)
+        n = 0;
+    region->samples = g_new(NcSample, n + 1);
+    region->n_samples = n;
+    double passed = 0;
+    for (size_t i = 0, f = 0; i < n; i++) {
+        double at = region->area_mm2 * ((double)i + 0.5) / (double)n;
+        while (f + 1 < region->n_facets && passed + region->facets[f].area_mm2 < at)
+            passed += region->facets[f++].area_mm2;
+        double s = fmod(0.5 + 0.7548776662466927 * (double)i, 1);
+        double t = fmod(0.5 + 0.5698402909980532 * (double)i, 1);
+        if (s + t > 1) {
+            s = 1 - s;
+            t = 1 - t;
+        }
+        const NcFacet *facet = &region->facets[f];
+        SegVec3 p = seg_along(facet->a, seg_sub(facet->b, facet->a), s);
+        region->samples[i] = (NcSample){.point = seg_along(p, seg_sub(facet->c, facet->a), t),
+                                        .normal = facet->normal,
+                                        .facet = f,
+                                        .area_mm2 = region->area_mm2 / (double)n};
+    }
+}
+
+static void all_normals(NcRegion *region, const SegPart *part, const NcSetup *setup)
+{
+    region->normals = g_new(SegVec3, (size_t)part->n_triangles + 1);
+    for (int32_t t = 0; t < part->n_triangles; t++) {
+        SegVec3 corner[3];
+        for (int k = 0; k < 3; k++)
+            corner[k] =
+                nc_setup_point(setup, part->vertices[part->triangles[t].vertex[k]].position);
+        bool downward;
+        region->normals[t] = up_normal(corner[0], corner[1], corner[2], &downward);
+    }
+}
+
+static SegVec3 up_normal(SegVec3 a, SegVec3 b, SegVec3 c, bool *downward)
+{
+    SegVec3 n = seg_unit(seg_cross(seg_sub(b, a), seg_sub(c, a)));
+    *downward = n.z < 0;
+    return n.z < 0 ? seg_scale(n, -1) : n;
+}

@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * What an operation has to cut: triangles of the part in workpiece coordinates, each with its
+ * normal turned upwards and its curvature, and area-weighted samples of them. Immutable.
+ *
+ * Normals point up whatever the part says: a face that looks down has material above it, so the
+ * cutter cannot come to it and the access test finds that out; an open sheet has no outside.
+ */
+#ifndef NC_TOOLPATH_REGION_H
+#define NC_TOOLPATH_REGION_H
+
+#include "nc/nc.h"
+
+/* Curvature of a surface as a symmetric tensor: q·W·q is the normal curvature along the unit
+ * tangent q, in 1/mm, positive where the surface is concave (bends towards the normal). */
+typedef struct {
+    double xx, yy, zz, xy, yz, zx;
+} NcBend;
+
+typedef struct {
+    SegVec3 a, b, c;
+    SegVec3 normal;
+    NcBend bend;
+    double area_mm2;
+    int32_t triangle; /* of the part */
+    bool downward;    /* the part's own normal looks down */
+} NcFacet;
+
+typedef struct {
+    SegVec3 point;
+    SegVec3 normal;
+    size_t facet;
+    double area_mm2; /* that it stands for */
+} NcSample;
+
+typedef struct {
+    NcFacet *facets;
+    size_t n_facets;
+    NcSample *samples;
+    size_t n_samples;
+    uint8_t *mask;           /* 1 for the part's triangles that are in the region */
+    SegVec3 *normals;        /* upward facet normal of every triangle of the part */
+    const SegPiece **pieces; /* of the segmentation */
+    size_t n_pieces;
+    double area_mm2;
+    SegVec3 min, max;
+    double min_concave_radius_mm;
+} NcRegion;
+
+/* The union of `regions` without the faces of `keep_out`. */
+NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegion *const *regions,
+                        size_t n_regions, const int32_t *keep_out, size_t n_keep_out);
+void nc_region_free(NcRegion *region);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcRegion, nc_region_free)
+
+double nc_bend_along(const NcBend *bend, SegVec3 direction);
+
+#endif
