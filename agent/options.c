@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "agent/agent.h"
+
+#define MAX_ENTRIES 12
+
+/* The options `command` takes, as GLib wants them. */
+static void entries_of(const AgentCommand *command, AgentOptions *o,
+                       GOptionEntry entries[MAX_ENTRIES])
+{
+    const struct {
+        unsigned flag;
+        GOptionEntry entry;
+    } all[] = {
+        {AGENT_TAKES_OUT,
+         {"output", 'o', 0, G_OPTION_ARG_FILENAME, &o->out, command->out_help, "PATH"}},
+        {AGENT_TAKES_METHOD,
+         {"method", 0, 0, G_OPTION_ARG_STRING, &o->method,
+          "How faces become regions: feature-size or none", "M"}},
+        {AGENT_TAKES_SET,
+         {"set", 0, 0, G_OPTION_ARG_STRING_ARRAY, &o->set,
+          "Put a value in the place of the recipe's; may be repeated", "KEY=VALUE"}},
+        {AGENT_TAKES_TO,
+         {"to", 0, 0, G_OPTION_ARG_STRING, &o->to,
+          "A machine of the agent's configuration, or modbus://HOST:PORT", "NAME"}},
+        {AGENT_TAKES_MACHINE,
+         {"machine", 0, 0, G_OPTION_ARG_FILENAME, &o->machine, "The machine's description",
+          "FILE"}},
+        {AGENT_TAKES_START,
+         {"start", 0, 0, G_OPTION_ARG_NONE, &o->start, "Start it too: the machine will move",
+          NULL}},
+        {AGENT_TAKES_CONFIG,
+         {"config", 0, 0, G_OPTION_ARG_FILENAME, &o->config, "The agent's configuration", "FILE"}},
+        {0,
+         {"json", 0, 0, G_OPTION_ARG_NONE, &o->json, "One JSON object on stdout, instead of text",
+          NULL}},
+        {0, {"help", 'h', 0, G_OPTION_ARG_NONE, &o->help, "This page", NULL}},
+    };
+    G_STATIC_ASSERT(G_N_ELEMENTS(all) < MAX_ENTRIES);
+    size_t n = 0;
+    for (size_t i = 0; i < G_N_ELEMENTS(all); i++)
+        if (!all[i].flag || command->takes & all[i].flag)
+            entries[n++] = all[i].entry;
+    entries[n] = (GOptionEntry){0};
+}
+
+static bool usage(const AgentCommand *command, GError **error, const char *format, ...)
+    G_GNUC_PRINTF(3, 4);
+static bool usage(const AgentCommand *command, GError **error, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    g_autofree char *what = g_strdup_vprintf(format, args);
+    va_end(args);
+    g_set_error(error, AGENT_ERROR, AGENT_ERROR_USAGE, "%s; usage: segmill %s %s", what,
+                command->name, command->synopsis);
+    return false;
+}
+
+static bool check(const AgentCommand *command, int argc, char **argv, const AgentOptions *options,
+                  GError **error)
+{
+    int wanted = command->argument ? 1 : 0;
+    if (argc - 1 > wanted)
+        return usage(command, error, "'%s' is one argument too many", argv[wanted + 1]);
+    if (argc - 1 < wanted)
+        return usage(command, error, "%s is missing", command->argument);
+    if (command->needs & AGENT_TAKES_OUT && !options->out)
+        return usage(command, error, "-o is missing");
+    if (command->needs & AGENT_TAKES_TO && !options->to)
+        return usage(command, error, "--to is missing");
+    if (command->needs & AGENT_TAKES_MACHINE && !options->machine)
+        return usage(command, error, "--machine is missing");
+    return true;
+}
+
+bool agent_options_read(const AgentCommand *command, int argc, char **argv, AgentOptions *options,
+                        GError **error)
+{
+    GOptionEntry entries[MAX_ENTRIES];
+    entries_of(command, options, entries);
+    g_autoptr(GOptionContext) context = g_option_context_new(NULL);
+    g_option_context_set_help_enabled(context, false);
+    g_option_context_add_main_entries(context, entries, NULL);
+    g_autoptr(GError) cause = NULL;
+    if (!g_option_context_parse(context, &argc, &argv, &cause))
+        return usage(command, error, "%s", cause->message);
+    if (options->help)
+        return true;
+    if (argc > 1 && g_str_equal(argv[1], "--")) {
+        argv++;
+        argc--;
+    }
+    if (!check(command, argc, argv, options, error))
+        return false;
+    options->argument = g_strdup(command->argument ? argv[1] : NULL);
+    return true;
+}
+
+void agent_options_clear(AgentOptions *options)
+{
+    g_free(options->out);
+    g_free(options->method);
+    g_strfreev(options->set);
+    g_free(options->to);
+    g_free(options->machine);
+    g_free(options->config);
+    g_free(options->argument);
+    *options = (AgentOptions){0};
+}
+
+char *agent_options_help(const AgentCommand *command)
+{
+    AgentOptions unused = {0};
+    GOptionEntry entries[MAX_ENTRIES];
+    entries_of(command, &unused, entries);
+    GString *page = g_string_new(NULL);
+    g_string_append_printf(page, "segmill %s %s\n\n%s\n\n%s\n\nOptions:\n", command->name,
+                           command->synopsis, command->summary, command->help);
+    for (const GOptionEntry *entry = entries; entry->long_name; entry++) {
+        g_autofree char *left =
+            g_strdup_printf("%s--%s%s%s", entry->short_name == 'o' ? "-o, " : "", entry->long_name,
+                            entry->arg_description ? " " : "",
+                            entry->arg_description ? entry->arg_description : "");
+        g_string_append_printf(page, "  %-20s %s\n", left, entry->description);
+    }
+    return g_string_free(page, false);
+}

@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "agent/out/regions_json.h"
+
+#include <string.h>
+
+#include "agent/out/json.h"
+
+static void write_region(AgentJson *json, const SegPart *part, const SegRegion *region);
+static void write_piece(AgentJson *json, const SegPart *part, const SegPiece *piece);
+
+char *agent_regions_json(const SegPart *part, const SegSegmentation *segmentation)
+{
+    g_autoptr(AgentJson) json = agent_json_new();
+    agent_json_string(json, "part_sha256", part->sha256);
+    agent_json_string(json, "method", segmentation->method);
+    agent_json_object(json, "parameters");
+    for (char **parameter = segmentation->parameters; parameter && *parameter; parameter++) {
+        g_auto(GStrv) sides = g_strsplit(*parameter, "=", 2);
+        agent_json_string(json, sides[0], sides[1] ? sides[1] : "");
+    }
+    agent_json_end(json);
+    agent_json_array(json, "regions");
+    for (size_t i = 0; i < segmentation->n_regions; i++)
+        write_region(json, part, &segmentation->regions[i]);
+    agent_json_end(json);
+    agent_json_array(json, "dropped");
+    for (size_t i = 0; i < segmentation->n_dropped; i++) {
+        agent_json_object(json, NULL);
+        agent_json_integer(json, "face", segmentation->dropped[i].face);
+        agent_json_string(json, "reason", segmentation->dropped[i].reason);
+        agent_json_end(json);
+    }
+    agent_json_end(json);
+    return agent_json_finish(json);
+}
+
+static void write_region(AgentJson *json, const SegPart *part, const SegRegion *region)
+{
+    agent_json_object(json, NULL);
+    agent_json_integer(json, "id", region->id);
+    agent_json_string(json, "name", region->name);
+    agent_json_string(json, "kind", seg_region_kind_name(region->kind));
+    agent_json_array(json, "pieces");
+    for (size_t i = 0; i < region->n_pieces; i++)
+        write_piece(json, part, &region->pieces[i]);
+    agent_json_end(json);
+    agent_json_number(json, "area_mm2", region->area_mm2);
+    agent_json_row(json, "feature_size_mm");
+    for (int i = 0; i < 4; i++)
+        agent_json_number(json, NULL, region->feature_size_mm[i]);
+    agent_json_end(json);
+    agent_json_number(json, "min_concave_radius_mm", region->min_concave_radius_mm);
+    agent_json_row(json, "neighbours");
+    for (size_t i = 0; i < region->n_neighbours; i++)
+        agent_json_integer(json, NULL, region->neighbours[i]);
+    agent_json_end(json);
+    agent_json_end(json);
+}
+
+static void write_piece(AgentJson *json, const SegPart *part, const SegPiece *piece)
+{
+    int32_t entity = part->faces[piece->face].iges_de;
+    agent_json_object(json, NULL);
+    agent_json_integer(json, "face", piece->face);
+    if (entity > 0)
+        agent_json_integer(json, "iges_de", entity);
+    else
+        agent_json_string(json, "iges_de", NULL);
+    agent_json_array(json, "loops_uv");
+    for (size_t i = 0; i < piece->n_loops; i++) {
+        const SegLoopPolygon *loop = &piece->loops[i];
+        agent_json_row(json, NULL);
+        for (size_t k = 0; k < loop->n; k++) {
+            agent_json_row(json, NULL);
+            agent_json_number(json, NULL, loop->uv[k][0]);
+            agent_json_number(json, NULL, loop->uv[k][1]);
+            agent_json_end(json);
+        }
+        agent_json_end(json);
+    }
+    agent_json_end(json);
+    agent_json_end(json);
+}
