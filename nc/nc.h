@@ -102,6 +102,16 @@ void nc_drop_batch(const NcTerrain *terrain, NcCutter cutter, size_t n, const do
 double nc_sweep_gouge_mm(const NcTerrain *terrain, NcCutter cutter, SegVec3 a, SegVec3 b,
                          double resolution_mm);
 
+/* nc_sweep_gouge_mm of the n - 1 moves tips[0] → tips[1] → …, OpenMP over them; the results are
+ * the same. */
+void nc_sweep_gouge_batch(const NcTerrain *terrain, NcCutter cutter, size_t n, const SegVec3 *tips,
+                          double resolution_mm, double *gouge_mm);
+
+/* True if the move a → b nowhere goes more than `tolerance_mm` below the terrain; cheaper than the
+ * exact value. A negative tolerance asks for clearance. */
+bool nc_sweep_clear(const NcTerrain *terrain, NcCutter cutter, SegVec3 a, SegVec3 b,
+                    double tolerance_mm);
+
 /* ------------------------------------------------------------------- toolpaths */
 
 typedef enum { NC_RAPID, NC_LEAD, NC_CUT, NC_LINK } NcMotionClass;
