@@ -2,8 +2,6 @@
 /* Words into a block: modal groups, repeated and useless words, the motion of the block. */
 #include "nc/gcode/interpreter.h"
 
-#include <string.h>
-
 /* LinuxCNC takes four M words in a block. */
 enum { MAX_M_WORDS = 4 };
 
@@ -15,8 +13,9 @@ static int g_group(int code)
     case 10:
     case 20:
     case 30:
-    case 800:
         return NC_G_MOTION;
+    case 800:
+        return NC_G_CANCEL;
     case 40:
     case 280:
     case 281:
@@ -119,11 +118,6 @@ static bool sort_code(const NcWord *word, int scale, int (*group_of)(int), int *
 
 static bool sort_words(NcBlock *block, uint32_t line, GError **error)
 {
-    memset(block->letter, 0, sizeof block->letter);
-    memset(block->g_word, 0, sizeof block->g_word);
-    memset(block->m_word, 0, sizeof block->m_word);
-    memset(block->g, -1, sizeof block->g);
-    memset(block->m, -1, sizeof block->m);
     int n_m = 0;
     for (const NcWord *word = block->words; word < block->words + block->n_words; word++) {
         bool good = true;
@@ -135,8 +129,6 @@ static bool sort_words(NcBlock *block, uint32_t line, GError **error)
                 return nc_word_error(error, line, word, "is one M word too many: %d are read",
                                      MAX_M_WORDS);
             }
-        } else if (!strchr("FHIJKNPQRSTXYZ", word->letter)) {
-            good = nc_word_error(error, line, word, "is not supported");
         } else if (block->letter[word->letter - 'A']) {
             good = nc_word_error(error, line, word, "is the second %c word of the block",
                                  word->letter);
@@ -170,25 +162,25 @@ static bool find_motion(NcBlock *block, const NcModal *modal, uint32_t line, GEr
 {
     const NcWord *axis = axis_word(block);
     const NcWord *word = block->g_word[NC_G_MOTION];
-    int code = block->g[NC_G_MOTION], non_modal = block->g[NC_G_NON_MODAL];
-    bool moves = word && code != 800;
-    block->motion = moves ? code : -1;
+    int non_modal = block->g[NC_G_NON_MODAL];
+    bool cancel = block->g_word[NC_G_CANCEL] != NULL;
+    block->motion = block->g[NC_G_MOTION];
     if (non_modal == 280 || non_modal == 281) {
         const NcWord *g28 = block->g_word[NC_G_NON_MODAL];
-        if (moves) {
+        if (word) {
             return nc_word_error(error, line, word, "cannot stand with %.*s in one block",
                                  g28->length, g28->text);
         }
         return non_modal == 280 || !axis ||
                nc_word_error(error, line, axis, "has no use with G28.1");
     }
-    if (axis && !moves && (word || modal->motion == 800)) {
+    if (axis && !word && (cancel || modal->motion == 800)) {
         return nc_word_error(error, line, axis,
-                             word ? "has no use with G80"
-                                  : "has no use: no G0, G1, G2 or G3 is in force");
+                             cancel ? "has no use with G80"
+                                    : "has no use: no G0, G1, G2 or G3 is in force");
     }
     bool offsets = nc_word(block, 'I') || nc_word(block, 'J') || nc_word(block, 'K');
-    if (!word && (axis || (offsets && is_arc(modal->motion)))) {
+    if (!word && !cancel && (axis || (offsets && is_arc(modal->motion)))) {
         block->motion = modal->motion;
     }
     return true;

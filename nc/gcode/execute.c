@@ -188,6 +188,8 @@ static bool set_modes(NcExecution *x, GError **error)
     }
     if (g[NC_G_MOTION] >= 0) {
         modal->motion = g[NC_G_MOTION];
+    } else if (g[NC_G_CANCEL] >= 0) {
+        modal->motion = 800;
     }
     return true;
 }

@@ -29,7 +29,8 @@ typedef struct {
 /* Modal groups of G codes [NIST, table 4]. */
 typedef enum {
     NC_G_NON_MODAL, /* group 0: G4 G28 G28.1 G53 */
-    NC_G_MOTION,    /* group 1: G0 G1 G2 G3 G80 */
+    NC_G_MOTION,    /* group 1: G0 G1 G2 G3 */
+    NC_G_CANCEL,    /* G80, of group 1 too; beside another of them it says nothing */
     NC_G_PLANE,     /* group 2 */
     NC_G_DISTANCE,  /* group 3: G90 G91 */
     NC_G_ARC,       /* group 4: G90.1 G91.1 */

@@ -37,14 +37,25 @@ static bool is_digit(char c)
     return c >= '0' && c <= '9';
 }
 
+/* All but the words, which are many. */
+static void clear_block(NcBlock *block)
+{
+    block->n_words = 0;
+    block->region = block->motion = -1;
+    block->blank = block->deleted = block->percent = false;
+    memset(block->letter, 0, sizeof block->letter);
+    memset(block->g_word, 0, sizeof block->g_word);
+    memset(block->m_word, 0, sizeof block->m_word);
+    memset(block->g, -1, sizeof block->g);
+    memset(block->m, -1, sizeof block->m);
+}
+
 bool nc_lex(const char *text, size_t length, uint32_t line, NcBlock *block, GError **error)
 {
     if (length > 0 && text[length - 1] == '\n') {
         length--;
     }
-    block->n_words = 0;
-    block->region = -1;
-    block->deleted = block->percent = false;
+    clear_block(block);
     if (length > NC_MAX_LINE_BYTES) {
         return nc_word_error(error, line, NULL,
                              "the block has %zu characters; at most %d are read: split it", length,
@@ -214,6 +225,9 @@ static bool lex_word(Cursor *cursor, NcBlock *block, GError **error)
     NcWord word = word_at(cursor, first);
     while (word.length > 1 && (first[word.length - 1] == ' ' || first[word.length - 1] == '\t')) {
         word.length--;
+    }
+    if (!strchr("FGHIJKMNPQRSTXYZ", word.letter)) {
+        return nc_word_error(error, cursor->line, &word, "is not supported");
     }
     if (!good && fabs(value) > LARGEST_NUMBER) {
         return nc_word_error(error, cursor->line, &word, "is too large a number");

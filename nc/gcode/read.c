@@ -4,6 +4,8 @@
 
 #include <string.h>
 
+static bool read_block(NcInterpreter *interpreter, const char *text, size_t length, NcBlock *block,
+                       GArray *moves, GError **error);
 static bool read_percent(NcExecution *execution, GError **error);
 
 /* Before the first tool change the machine stands, and G28 goes, where it changes tools: the one
@@ -44,30 +46,36 @@ bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t l
                           GArray *moves, GError **error)
 {
     NcBlock block;
+    return read_block(interpreter, text, length, &block, moves, error);
+}
+
+static bool read_block(NcInterpreter *interpreter, const char *text, size_t length, NcBlock *block,
+                       GArray *moves, GError **error)
+{
     NcExecution execution = {.machine = interpreter->machine,
                              .tools = interpreter->tools,
                              .modal = interpreter->modal,
                              .moves = moves,
-                             .block = &block};
+                             .block = block};
     NcModal *modal = &execution.modal;
     guint n_before = moves->len;
     modal->line++;
-    if (!nc_lex(text, length, modal->line, &block, error)) {
+    if (!nc_lex(text, length, modal->line, block, error)) {
         return false;
     }
-    bool empty = block.n_words == 0 && !block.percent;
+    bool empty = block->n_words == 0 && !block->percent;
     if (modal->ended && !empty) {
         return nc_word_error(error, modal->line, NULL, "nothing is read after the program's end");
     }
-    bool skipped = block.deleted && interpreter->block_delete;
-    bool good = block.percent ? read_percent(&execution, error)
-                : skipped     ? true
-                              : nc_check(&block, modal, error) && nc_execute(&execution, error);
+    bool skipped = block->deleted && interpreter->block_delete;
+    bool good = block->percent ? read_percent(&execution, error)
+                : skipped      ? true
+                               : nc_check(block, modal, error) && nc_execute(&execution, error);
     if (!good) {
         g_array_set_size(moves, n_before);
         return false;
     }
-    modal->begun = modal->begun || !block.blank;
+    modal->begun = modal->begun || !block->blank;
     interpreter->modal = *modal;
     return true;
 }
@@ -105,7 +113,8 @@ bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length,
         const char *newline = memchr(at, '\n', (size_t)(end - at));
         const char *next = newline ? newline + 1 : end;
         guint n_before = moves->len;
-        if (!nc_interpreter_block(interpreter, at, (size_t)(next - at), moves, error)) {
+        NcBlock block;
+        if (!read_block(interpreter, at, (size_t)(next - at), &block, moves, error)) {
             return false;
         }
         for (guint i = n_before; i < moves->len; i++) {
@@ -115,7 +124,7 @@ bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length,
             }
         }
         if (read) {
-            read(interpreter, (size_t)(next - text), n_before, data);
+            read(interpreter, &block, (size_t)(next - text), n_before, data);
         }
         at = next;
     }

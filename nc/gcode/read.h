@@ -6,8 +6,8 @@
 #include "nc/gcode/interpreter.h"
 
 /* Called after each block: `end` is the offset behind it, its moves begin at `first_move`. */
-typedef void (*NcBlockRead)(const NcInterpreter *interpreter, size_t end, guint first_move,
-                            void *data);
+typedef void (*NcBlockRead)(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
+                            guint first_move, void *data);
 
 /* Reads blocks up to the program's end, checking the machine's limits; text behind the end is no
  * part of the program. `read` may be NULL. */

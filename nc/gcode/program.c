@@ -1,0 +1,105 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A program and its gates: byte offsets where the tool has come clear of the part. */
+#include "nc/gcode/program.h"
+
+#include "nc/gcode/read.h"
+
+#include <string.h>
+
+/* What one block did, as far as gates are concerned. */
+typedef struct {
+    uint64_t end;  /* offset behind the block */
+    double tip_mm; /* machine Z of the tip where the block ends */
+    bool raised;   /* by G53 or G28, to a place that is clear whatever its height */
+    bool moved;    /* in Z */
+} BlockEnd;
+
+typedef struct {
+    GArray *ends; /* BlockEnd */
+    const GArray *moves;
+    double highest_mm; /* of the tip, programmed without G53 or G28 */
+} Survey;
+
+static void survey_block(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
+                         guint first_move, void *data);
+static void find_gates(const Survey *survey, uint64_t length, GArray *gates);
+
+NcProgram *nc_program_new(GBytes *bytes, const GArray *gates)
+{
+    gsize length;
+    const guchar *data = g_bytes_get_data(bytes, &length);
+    NcProgram *program = g_new0(NcProgram, 1);
+    g_autofree char *hash = g_compute_checksum_for_data(G_CHECKSUM_SHA256, data, length);
+    memcpy(program->sha256, hash, sizeof program->sha256);
+    program->bytes = g_bytes_ref(bytes);
+    program->gates = g_memdup2(gates->data, gates->len * sizeof(uint64_t));
+    program->n_gates = gates->len;
+    return program;
+}
+
+void nc_program_free(NcProgram *program)
+{
+    if (program) {
+        g_bytes_unref(program->bytes);
+        g_free(program->gates);
+        g_free(program);
+    }
+}
+
+NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
+                                 const CfgToolTable *tools, GError **error)
+{
+    gsize length;
+    const char *text = g_bytes_get_data(bytes, &length);
+    g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(machine, tools);
+    g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
+    g_autoptr(GArray) ends = g_array_new(FALSE, FALSE, sizeof(BlockEnd));
+    Survey survey = {ends, moves, -INFINITY};
+    if (!nc_read_blocks(interpreter, text, length, moves, survey_block, &survey, error)) {
+        return NULL;
+    }
+    g_autoptr(GArray) gates = g_array_new(FALSE, FALSE, sizeof(uint64_t));
+    find_gates(&survey, length, gates);
+    return nc_program_new(bytes, gates);
+}
+
+static void survey_block(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
+                         guint first_move, void *data)
+{
+    Survey *survey = data;
+    const NcModal *modal = &interpreter->modal;
+    bool homing = block->g[NC_G_NON_MODAL] == 280;
+    bool machine_z = homing || block->g[NC_G_NON_MODAL] == 530;
+    BlockEnd done = {.end = end, .tip_mm = modal->position.z - modal->tool_length_mm};
+    for (guint i = first_move; i < survey->moves->len; i++) {
+        const NcMove *move = &g_array_index(survey->moves, NcMove, i);
+        if (!nc_move_travels(move)) {
+            continue;
+        }
+        bool whole = homing && !nc_word(block, 'X') && !nc_word(block, 'Y');
+        bool names_z = nc_word(block, 'Z') || whole;
+        done.moved = done.moved || names_z || move->to.z != move->from.z;
+        done.raised = machine_z && names_z && move->to.z >= move->from.z;
+        if (names_z && !machine_z) {
+            survey->highest_mm = fmax(survey->highest_mm, move->to.z - modal->tool_length_mm);
+        }
+    }
+    g_array_append_val(survey->ends, done);
+}
+
+/* A gate opens where a stretch of clear blocks begins; the last one is the program's length. */
+static void find_gates(const Survey *survey, uint64_t length, GArray *gates)
+{
+    bool clear = false;
+    for (guint i = 0; i < survey->ends->len; i++) {
+        const BlockEnd *block = &g_array_index(survey->ends, BlockEnd, i);
+        bool was_clear = clear;
+        if (block->moved) {
+            clear = block->raised || block->tip_mm >= survey->highest_mm - 1e-6;
+        }
+        if (clear && !was_clear && block->end < length) {
+            g_array_append_val(gates, block->end);
+        }
+    }
+    g_array_append_val(gates, length);
+}
