@@ -116,10 +116,10 @@ typedef struct {
     int32_t face;
 } SegTriangle;
 
-/* A point of the tessellation. Vertices are not shared between faces. */
+/* A point of the tessellation. Vertices are not shared between faces, and ascend with them. */
 typedef struct {
     SegVec3 position;
-    SegVec3 normal; /* outward unit normal of the face's surface */
+    SegVec3 normal; /* outward unit normal of the face's surface; zero where it has none */
     double u, v;
 } SegVertex;
 

@@ -17,6 +17,11 @@
 /* Most entries of any table: indices are 32 bits, and a part beyond this is refused. */
 #define SEG_FORM_MAX_COUNT (1 << 28)
 
+/* Largest magnitude of any double, and least weight: beyond them squares and quotients would leave
+ * the range of numbers, and nothing that is machined is there. */
+#define SEG_FORM_MAX_REAL 1e15
+#define SEG_FORM_MIN_WEIGHT 1e-12
+
 typedef struct {
     char magic[8];
     uint32_t version;

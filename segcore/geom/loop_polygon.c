@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Loops as polygons in (u,v). */
+#include "segcore/geom/bspline.h"
+
+typedef struct {
+    double u, v;
+    SegVec3 p;
+} Sample;
+
+typedef struct {
+    const SegPart *part;
+    const SegSurface *surface;
+    const SegCoedge *coedge;
+    double chord_mm;
+    GArray *uv; /* of double[2] */
+} Outline;
+
+static Sample sample_at(const Outline *o, double t)
+{
+    SegVec3 c = seg_curve_evaluate(o->part, &o->coedge->pcurve, t, NULL);
+    return (Sample){c.x, c.y, seg_surface_evaluate(o->part->reals, o->surface, c.x, c.y, 0).p};
+}
+
+static double distance_to_chord(SegVec3 p, SegVec3 a, SegVec3 b)
+{
+    SegVec3 ab = seg_sub(b, a), ap = seg_sub(p, a);
+    double length2 = seg_dot(ab, ab);
+    double t = length2 > 0 ? fmin(fmax(seg_dot(ap, ab) / length2, 0), 1) : 0;
+    return seg_norm(seg_along(ap, ab, -t));
+}
+
+/* How far the edge's point s, between a and b, lies from the chord: the straight one in space, and
+ * the image of the straight one in (u,v). */
+static double sagitta(const Outline *o, const Sample *s, const Sample *a, const Sample *b)
+{
+    double du = b->u - a->u, dv = b->v - a->v, length2 = du * du + dv * dv;
+    double t = length2 > 0 ? ((s->u - a->u) * du + (s->v - a->v) * dv) / length2 : 0;
+    t = fmin(fmax(t, 0), 1);
+    SegVec3 image =
+        seg_surface_evaluate(o->part->reals, o->surface, a->u + t * du, a->v + t * dv, 0).p;
+    return fmax(distance_to_chord(s->p, a->p, b->p), seg_distance(s->p, image));
+}
+
+/* Appends the points after a up to and with b. */
+static void refine(const Outline *o, double ta, const Sample *a, double tb, const Sample *b,
+                   int depth)
+{
+    double tm = (ta + tb) / 2;
+    Sample m = sample_at(o, tm);
+    Sample q1 = sample_at(o, (ta + tm) / 2), q3 = sample_at(o, (tm + tb) / 2);
+    double off = fmax(sagitta(o, &m, a, b), fmax(sagitta(o, &q1, a, b), sagitta(o, &q3, a, b)));
+    if (depth > 0 && off > o->chord_mm) {
+        refine(o, ta, a, tm, &m, depth - 1);
+        refine(o, tm, &m, tb, b, depth - 1);
+    } else {
+        double uv[2] = {b->u, b->v};
+        g_array_append_val(o->uv, uv);
+    }
+}
+
+/* From one end to the other, span by span; the first point is the next coedge's to give. */
+static void append_coedge(const Outline *o)
+{
+    const int max_depth = 12;
+    const SegCoedge *c = o->coedge;
+    const double *knots = seg_curve_tables(o->part->reals, &c->pcurve).knots;
+    int p = c->pcurve.degree, n = c->pcurve.n_poles;
+    guint start = o->uv->len;
+    double t = c->t_first;
+    Sample a = sample_at(o, t);
+    double first[2] = {a.u, a.v};
+    g_array_append_val(o->uv, first);
+    for (int i = seg_knot_span(knots, p, n, t); i < n && t < c->t_last; i++) {
+        double next = i == n - 1 ? c->t_last : fmin(knots[i + 1], c->t_last);
+        if (!(next > t))
+            continue;
+        Sample b = sample_at(o, next);
+        refine(o, t, &a, next, &b, max_depth);
+        a = b;
+        t = next;
+    }
+    double(*uv)[2] = (double(*)[2])(void *)o->uv->data + start;
+    guint count = o->uv->len - start;
+    for (guint i = 0; c->reversed && i < count / 2; i++)
+        for (int k = 0; k < 2; k++) {
+            double swap = uv[i][k];
+            uv[i][k] = uv[count - 1 - i][k];
+            uv[count - 1 - i][k] = swap;
+        }
+    g_array_set_size(o->uv, o->uv->len - 1);
+}
+
+/* The last face whose loops begin at or before this one: loops ascend with the faces. */
+static const SegFace *owner(const SegPart *part, int32_t loop)
+{
+    int32_t low = 0, high = part->n_faces;
+    while (high - low > 1) {
+        int32_t middle = low + (high - low) / 2;
+        if (part->faces[middle].first_loop <= loop)
+            low = middle;
+        else
+            high = middle;
+    }
+    return &part->faces[low];
+}
+
+SegLoopPolygon seg_loop_polygon(const SegPart *part, int32_t loop, double chord_mm)
+{
+    Outline o = {part, &owner(part, loop)->surface, NULL, chord_mm, NULL};
+    o.uv = g_array_new(FALSE, FALSE, sizeof(double[2]));
+    for (int32_t i = 0; i < part->loops[loop].n_coedges; i++) {
+        o.coedge = &part->coedges[part->loops[loop].first_coedge + i];
+        append_coedge(&o);
+    }
+    size_t n = o.uv->len;
+    return (SegLoopPolygon){(double(*)[2])(void *)g_array_free(o.uv, FALSE), n};
+}
+
+bool seg_polygons_contain(const SegLoopPolygon *polygons, size_t n, double u, double v)
+{
+    bool inside = false;
+    for (size_t i = 0; i < n; i++) {
+        const SegLoopPolygon *p = &polygons[i];
+        for (size_t k = 0, j = p->n - 1; k < p->n; j = k++) {
+            const double *a = p->uv[j], *b = p->uv[k];
+            if ((a[1] > v) != (b[1] > v) && u < a[0] + (v - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+                inside = !inside;
+        }
+    }
+    return inside;
+}

@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "segcore/geom/bspline.h"
+#include "segcore/methods/region.h"
+
+/* A surface flatter than this is not concave. */
+static const double LEAST_CURVATURE = 1e-6; /* 1/mm */
+
+/* Where a tangent, times the domain, is shorter than this part of the face, a pole is near. */
+static const double LEAST_TANGENT = 1e-4;
+
+typedef struct {
+    const SegPart *part;
+    const SegFace *face;
+    double least_pu, least_pv;
+    double k_max;
+} Sampler;
+
+/* The face's vertices, which are its own, and the size of their box. */
+typedef struct {
+    int32_t first, last;
+    double diagonal_mm;
+} Span;
+
+static bool sample(Sampler *s, double u, double v)
+{
+    SegSurfacePoint p = seg_surface_evaluate(s->part->reals, &s->face->surface, u, v, 2);
+    double k_min, k_max;
+    if (seg_norm(p.pu) < s->least_pu || seg_norm(p.pv) < s->least_pv ||
+        !seg_surface_curvature(s->face, &p, &k_min, &k_max))
+        return false;
+    s->k_max = fmax(s->k_max, k_max);
+    return true;
+}
+
+static Span vertices_of(const SegPart *part, const SegFace *f)
+{
+    Span span = {INT32_MAX, -1, 0};
+    SegBox box = SEG_BOX_EMPTY;
+    for (int32_t t = f->first_triangle; t < f->first_triangle + f->n_triangles; t++)
+        for (int k = 0; k < 3; k++) {
+            int32_t v = part->triangles[t].vertex[k];
+            span.first = MIN(span.first, v);
+            span.last = MAX(span.last, v);
+            seg_box_add(&box, part->vertices[v].position);
+        }
+    span.diagonal_mm = seg_box_diagonal(&box);
+    return span;
+}
+
+static void sample_all(Sampler *s, const Span *span)
+{
+    const SegPart *part = s->part;
+    const SegFace *f = s->face;
+    bool same_everywhere = f->type == SEG_SURFACE_CYLINDER || f->type == SEG_SURFACE_SPHERE;
+    for (int32_t t = f->first_triangle; t < f->first_triangle + f->n_triangles; t++) {
+        double u = 0, v = 0;
+        for (int k = 0; k < 3; k++) {
+            const SegVertex *corner = &part->vertices[part->triangles[t].vertex[k]];
+            u += corner->u / 3;
+            v += corner->v / 3;
+        }
+        if (sample(s, u, v) && same_everywhere)
+            return;
+    }
+    for (int32_t i = span->first; i <= span->last; i++)
+        sample(s, part->vertices[i].u, part->vertices[i].v);
+}
+
+double seg_min_concave_radius_mm(const SegPart *part, int32_t face)
+{
+    const SegFace *f = &part->faces[face];
+    if (f->surface.n_u == 0 || f->type == SEG_SURFACE_PLANE || f->n_triangles == 0)
+        return INFINITY;
+    double u0, u1, v0, v1;
+    seg_face_domain(part, face, &u0, &u1, &v0, &v1);
+    Span span = vertices_of(part, f);
+    double least = LEAST_TANGENT * span.diagonal_mm;
+    Sampler s = {part, f, least / (u1 - u0), least / (v1 - v0), 0};
+    sample_all(&s, &span);
+    return s.k_max > LEAST_CURVATURE ? 1 / s.k_max : INFINITY;
+}
