@@ -229,7 +229,7 @@ static int32_t add_node(NcTerrain *terrain, size_t first, size_t n)
     NcNode *node = &terrain->nodes[index];
     *node = (NcNode){0};
     for (int i = 0; i < NC_WIDTH; i++)
-        node->lo_x[i] = INFINITY;
+        node->lo_x[i] = node->hi_x[i] = INFINITY;
     size_t capacity = child_capacity(n), at = 0;
     for (int i = 0; at < n; i++, at += capacity) {
         size_t part = MIN(capacity, n - at);
