@@ -74,7 +74,7 @@ static double *needed_steps(const NcJob *job, SegVec3 across)
     for (int32_t t = 0; t < job->part->n_triangles; t++)
         needed[t] = INFINITY;
     for (size_t f = 0; f < region->n_facets; f++) {
-        const NcFacet *facet = &region->facets[f];
+        const NcPatch *facet = &region->facets[f];
         if (facet->normal.z >= WALL_UP)
             needed[facet->triangle] = nc_plane_step_mm(job->trace.body.tool, job->scallop_mm,
                                                        facet->normal, &facet->bend, across);
@@ -98,7 +98,7 @@ static double length_of(const NcRegion *region, const double *needed, double ste
 {
     double length = 0;
     for (size_t i = 0; i < region->n_samples; i++) {
-        const NcFacet *facet = &region->facets[region->samples[i].facet];
+        const NcPatch *facet = &region->facets[region->samples[i].facet];
         if (isfinite(needed[facet->triangle]))
             length += region->samples[i].area_mm2 * facet->normal.z *
                       ldexp(1 / step, level_of(step, needed[facet->triangle]));
@@ -147,7 +147,7 @@ static size_t lay_planes(const NcJob *job, const double *needed, double step, Pl
     double u0 = INFINITY, u1 = -INFINITY, v0 = INFINITY, v1 = -INFINITY;
     int levels = 0;
     for (size_t f = 0; f < region->n_facets; f++) {
-        const NcFacet *facet = &region->facets[f];
+        const NcPatch *facet = &region->facets[f];
         const SegVec3 corner[3] = {facet->a, facet->b, facet->c};
         for (int k = 0; k < 3; k++) {
             double u = planes->cosine * corner[k].x + planes->sine * corner[k].y;
@@ -192,7 +192,7 @@ static double estimate_s(const NcJob *job, double direction, double feed, double
     g_autofree double *needed = needed_steps(job, across);
     double step = cheapest_step(job, needed), length = 0, v0 = INFINITY, v1 = -INFINITY;
     for (size_t i = 0; i < region->n_samples; i++) {
-        const NcFacet *facet = &region->facets[region->samples[i].facet];
+        const NcPatch *facet = &region->facets[region->samples[i].facet];
         double need = needed[facet->triangle];
         if (!isfinite(need))
             continue;

@@ -32,7 +32,7 @@ NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegi
         n_pieces += regions[r]->n_pieces;
     }
     NcRegion *region = g_new0(NcRegion, 1);
-    region->facets = g_new(NcFacet, most + 1);
+    region->facets = g_new(NcPatch, most + 1);
     region->pieces = g_new(const SegPiece *, n_pieces + 1);
     region->mask = g_new0(uint8_t, (size_t)part->n_triangles + 1);
     region->min = seg_vec3(DBL_MAX, DBL_MAX, DBL_MAX);
@@ -85,8 +85,8 @@ static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setu
     double area = seg_norm(cross) / 2;
     if (!(area > 0))
         return;
-    NcFacet *facet = &region->facets[region->n_facets++];
-    *facet = (NcFacet){
+    NcPatch *facet = &region->facets[region->n_facets++];
+    *facet = (NcPatch){
         .a = corner[0], .b = corner[1], .c = corner[2], .area_mm2 = area, .triangle = triangle};
     facet->normal = up_normal(corner[0], corner[1], corner[2], &facet->downward);
     for (int k = 0; k < 3; k++) {
@@ -173,7 +173,7 @@ static void sample_facets(NcRegion *region)
             s = 1 - s;
             t = 1 - t;
         }
-        const NcFacet *facet = &region->facets[f];
+        const NcPatch *facet = &region->facets[f];
         SegVec3 p = seg_along(facet->a, seg_sub(facet->b, facet->a), s);
         region->samples[i] = (NcSample){.point = seg_along(p, seg_sub(facet->c, facet->a), t),
                                         .normal = facet->normal,

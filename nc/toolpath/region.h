@@ -24,7 +24,7 @@ typedef struct {
     double area_mm2;
     int32_t triangle; /* of the part */
     bool downward;    /* the part's own normal looks down */
-} NcFacet;
+} NcPatch;
 
 typedef struct {
     SegVec3 point;
@@ -34,7 +34,7 @@ typedef struct {
 } NcSample;
 
 typedef struct {
-    NcFacet *facets;
+    NcPatch *facets;
     size_t n_facets;
     NcSample *samples;
     size_t n_samples;
