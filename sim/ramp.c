@@ -135,6 +135,20 @@ static GArray *reversed(GArray *pieces, const SimProgram *program)
     return turned;
 }
 
+static void add_piece(GArray *pieces, const SimProgram *program, size_t move, double from_mm,
+                      double to_mm, double from_mm_s, double to_mm_s)
+{
+    double length = fabs(to_mm - from_mm);
+    SimPiece piece = {.move = move,
+                      .from_mm = from_mm,
+                      .to_mm = to_mm,
+                      .from_mm_s = from_mm_s,
+                      .to_mm_s = to_mm_s,
+                      .duration_s = length > 0 ? 2 * length / (from_mm_s + to_mm_s) : 0,
+                      .ends_move = to_mm >= program->timed[move].length_mm};
+    g_array_append_val(pieces, piece);
+}
+
 /* A move of the path, though it may have no length; those that have none take no time. */
 static bool travels(const SimProgram *program, size_t move)
 {

@@ -1,0 +1,286 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* Running programs: states, blocks, times, positions; the same at every speed; refusals. */
+#include "sim/log.h"
+#include "tests/unit/sim_rig.h"
+
+static const char *const whole = "G21 G90 G17 G94 G64 P0.01\n"
+                                 "T1 M6\n"
+                                 "S5000 M3\n"
+                                 "G53 G0 X10 Y20 Z-30\n"
+                                 "G53 G1 X110 F3000\n"
+                                 "(a comment)\n"
+                                 "G91 G2 X20 Y-20 J-20\n"
+                                 "G90 G4 P0.5\n"
+                                 "M8\n"
+                                 "M1\n"
+                                 "G53 G0 Z0\n"
+                                 "M30\n";
+
+static void run(void)
+{
+    Rig rig;
+    rig_init(&rig, 1, 1000);
+    const SimProgram *program = rig_load(&rig, whole, NULL, 0);
+    double end_s = program ? sim_program_duration_s(program) : 0;
+    rig_do(&rig, SIM_START);
+    uint64_t blocks = 0;
+    uint32_t ms = 0;
+    bool fed = false;
+    while (sim_controller_moving(rig.controller) && rig.now_us < 60000000) {
+        rig_tick(&rig, 3000);
+        FbProgress see = rig_see(&rig);
+        g_assert_cmpuint(see.executed_blocks, >=, blocks);
+        g_assert_cmpuint(see.program_time_ms, >=, ms);
+        blocks = see.executed_blocks;
+        ms = see.program_time_ms;
+        if (see.line == 5 && see.feed_mm_min > 2999.999 && see.feed_mm_min < 3000.001)
+            fed = see.spindle_rpm == 5000 && see.tool == 1;
+    }
+    g_assert_true(fed);
+    g_autofree char *states = rig_states(&rig);
+    g_assert_cmpstr(states, ==, "IDLE READY RUNNING TOOL_CHANGE RUNNING COMPLETE");
+    static const uint32_t lines[] = {2, 3, 4, 5, 7, 8, 9, 10, 11, 12};
+    g_assert_cmpuint(rig_blocks(&rig), ==, G_N_ELEMENTS(lines));
+    g_assert_cmpuint(rig_see(&rig).executed_blocks, ==, G_N_ELEMENTS(lines));
+    double time_s = 0;
+    for (guint i = 0; i < MIN(rig_blocks(&rig), G_N_ELEMENTS(lines)); i++) {
+        SimBlock block = rig_block(&rig, i);
+        g_assert_cmpuint(block.line, ==, lines[i]);
+        g_assert_cmpfloat(block.start_s, ==, time_s);
+        time_s = block.end_s;
+    }
+    g_assert_cmpfloat(time_s, ==, end_s);
+    /* Tool change 4 s, spindle 5000 at 5000/s 1 s. */
+    g_assert_cmpfloat(rig_block(&rig, 0).end_s, ==, 4);
+    g_assert_cmpfloat(rig_block(&rig, 1).end_s, ==, 5);
+    test_near(rig_block(&rig, 5).end_s - rig_block(&rig, 5).start_s, 0.5, 1e-12, 0);
+    FbProgress see = rig_see(&rig);
+    g_assert_cmpfloat(see.position_mm[0], ==, 130);
+    g_assert_cmpfloat(see.position_mm[1], ==, 0);
+    g_assert_cmpfloat(see.position_mm[2], ==, 0);
+    g_assert_cmpint(see.tool, ==, 1);
+    g_assert_cmpfloat(see.spindle_rpm, ==, 0);
+    g_assert_cmpuint(see.line, ==, 0);
+    rig_clear(&rig);
+}
+
+/* 100 mm of X at 3000 mm/min with 800 mm/s²: v/a = 0.0625 s each way, 1.9375 s cruise. */
+static void analytic_time(void)
+{
+    Rig rig;
+    rig_init(&rig, 1, 1000);
+    rig_load(&rig, "G21 G90 G53 G1 X100 F3000\nM2\n", NULL, 0);
+    rig_do(&rig, SIM_START);
+    rig_tick(&rig, 31250);
+    test_near(rig_see(&rig).feed_mm_min, 1500, 1e-9, 0);
+    test_near(rig_see(&rig).position_mm[0], 0.390625, 1e-12, 0);
+    rig_run(&rig, 1000, 10);
+    test_near(rig_block(&rig, 0).end_s, 2.0625, 1e-12, 0);
+    rig_clear(&rig);
+}
+
+static char *logged_run(const char *folder, double speed, int64_t tick_us, int64_t wait_us)
+{
+    Rig rig;
+    rig_init(&rig, speed, 3);
+    g_autofree char *path = g_build_filename(folder, "log", NULL);
+    g_autoptr(GError) error = NULL;
+    rig_load(&rig,
+             "G21 G90 G94 G64 P0.05\nT2 M6\nS3000 M3\nG53 G0 X1 Y1\nF1234.5\n"
+             "G53 G1 X10.1\nG53 G1 Y7.3 X11\nG53 G1 Y7.3 X11\nG53 G1 X30\nM0\n"
+             "G91 G3 X-4 Y4 I-4\nG4 P0.123\nG90 G53 G0 Z-5\nM30\n",
+             NULL, 0);
+    rig_do(&rig, SIM_START);
+    rig_run(&rig, tick_us, 60);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_PROGRAM_STOP);
+    g_assert_cmpfloat(rig_see(&rig).position_mm[0], ==, 30);
+    rig_tick(&rig, wait_us);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_PROGRAM_STOP);
+    rig_do(&rig, SIM_RESUME);
+    rig_run(&rig, tick_us, 60);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_COMPLETE);
+    SimLog *log = sim_log_open(path, &error);
+    g_assert_no_error(error);
+    for (guint i = 0; log && i < rig.actions->len; i++)
+        sim_log_action(log, &g_array_index(rig.actions, SimAction, i));
+    if (log)
+        sim_log_close(log, &error);
+    char *text = NULL;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    rig_clear(&rig);
+    return text;
+}
+
+static void same_at_every_speed(void)
+{
+    char *folder = test_folder();
+    g_autofree char *real = logged_run(folder, 1, 1000, 5000000);
+    static const struct {
+        double speed;
+        int64_t tick_us, wait_us;
+    } other[] = {{1, 7777, 1}, {1, 900000, 0}, {13.7, 5000, 60000000}, {INFINITY, 0, 77}};
+    g_assert_nonnull(strstr(real, "\"COMPLETE\""));
+    for (size_t i = 0; i < G_N_ELEMENTS(other); i++) {
+        g_autofree char *text =
+            logged_run(folder, other[i].speed, other[i].tick_us, other[i].wait_us);
+        g_assert_cmpstr(text, ==, real);
+    }
+    test_folder_remove(folder);
+}
+
+static void bounded_steps(void)
+{
+    Rig rig;
+    rig_init(&rig, INFINITY, 10);
+    g_autoptr(GString) text = g_string_new("G21 G90 F6000\n");
+    for (int i = 1; i <= 200; i++)
+        g_string_append_printf(text, "G53 G1 X%d\n", i);
+    g_string_append(text, "M30\n");
+    rig_load(&rig, text->str, NULL, 0);
+    rig_do(&rig, SIM_START);
+    g_assert_cmpuint(rig_see(&rig).executed_blocks, ==, 0);
+    for (guint i = 1; i <= 5; i++) {
+        rig_tick(&rig, 1);
+        g_assert_cmpuint(rig_see(&rig).executed_blocks, ==, 10 * i);
+    }
+    /* A command acts before anything else happens; the ramp is short against 10 blocks. */
+    rig_do(&rig, SIM_HOLD);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_HOLDING);
+    g_assert_cmpuint(rig_see(&rig).executed_blocks, ==, 50);
+    rig_run(&rig, 1, 1);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_HELD);
+    /* 100 mm/s, 800 mm/s²: 6.25 mm. */
+    test_near(rig_see(&rig).position_mm[0], 56.25, 1e-9, 0);
+    rig_clear(&rig);
+}
+
+static void second_start_returns(void)
+{
+    Rig rig;
+    rig_init(&rig, INFINITY, 1000);
+    const SimProgram *program = rig_load(&rig, "G21 G90\nG53 G0 X30 Y40 Z-10\nM30\n", NULL, 0);
+    double once_s = program ? sim_program_duration_s(program) : 0;
+    rig_do(&rig, SIM_START);
+    rig_run(&rig, 1, 1);
+    rig_do(&rig, SIM_START);
+    rig_run(&rig, 1, 1);
+    g_assert_cmpuint(rig_blocks(&rig), ==, 4);
+    SimBlock again = rig_block(&rig, 2);
+    g_assert_cmpuint(again.line, ==, 2);
+    /* 10 mm at 400 mm/s² never reach 200 mm/s: 2√(10/400) s; 50 mm across at 12000 mm/min per
+     * axis: Y limits acceleration to 600/0.8 and speed to 250 mm/s; 2√(50/750) s. */
+    test_near(again.start_s, 2 * sqrt(10.0 / 400) + 2 * sqrt(50.0 / 750), 1e-9, 0);
+    test_near(again.end_s - again.start_s, once_s, 1e-9, 0);
+    SimTotals totals = sim_controller_totals(rig.controller);
+    g_assert_cmpuint(totals.started, ==, 2);
+    g_assert_cmpuint(totals.completed, ==, 2);
+    test_near(totals.machine_s, 2 * once_s + again.start_s, 1e-9, 0);
+    rig_clear(&rig);
+}
+
+static void commands_in_wrong_states(void)
+{
+    static const SimEventKind kinds[] = {SIM_START,  SIM_HOLD,  SIM_HOLD_AT_GATE,
+                                         SIM_RESUME, SIM_ABORT, SIM_FORGET};
+    Rig rig;
+    rig_init(&rig, 1, 1000);
+    rig_do(&rig, SIM_ACKNOWLEDGE);
+    for (size_t i = 0; i < G_N_ELEMENTS(kinds); i++)
+        rig_do(&rig, kinds[i]);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_IDLE);
+    g_assert_cmpuint(rig.actions->len, ==, 1);
+    rig_load(&rig, whole, NULL, 0);
+    for (size_t i = 1; i < G_N_ELEMENTS(kinds) - 1; i++)
+        rig_do(&rig, kinds[i]);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_READY);
+    rig_do(&rig, SIM_ESTOP);
+    rig_do(&rig, SIM_START);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_ESTOP);
+    g_assert_false(sim_controller_moving(rig.controller));
+    rig_clear(&rig);
+}
+
+static void refused(void)
+{
+    static const struct {
+        const char *text;
+        SimAlarm alarm;
+        const char *names[2];
+    } programs[] = {
+        {"G21\nG33 Z1 K1\nM30\n", SIM_ALARM_PROGRAM, {"line 2", "G33"}},
+        {"G21\nT9 M6\nM30\n", SIM_ALARM_PROGRAM, {"line 2", "T9"}},
+        {"G21 G0 X1\n", SIM_ALARM_PROGRAM, {"M30", "M2"}},
+        {"", SIM_ALARM_PROGRAM, {"M30", "M2"}},
+        {"\x01\xff\xfe\n", SIM_ALARM_PROGRAM, {"line 1", "line"}},
+        {"G21\nG53 G0 X501\nM30\n", SIM_ALARM_LIMIT, {"line 2", "501"}},
+        {"S30000 M3\nM30\n", SIM_ALARM_LIMIT, {"line 1", "30000"}},
+    };
+    Rig rig;
+    rig_init(&rig, 1, 1000);
+    for (size_t i = 0; i < G_N_ELEMENTS(programs); i++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(SimProgram) program = rig_program(&rig, programs[i].text, NULL, 0, &error);
+        g_assert_null(program);
+        g_assert_error(error, SIM_ALARM, (int)programs[i].alarm);
+        for (int k = 0; error && k < 2; k++)
+            if (!strstr(error->message, programs[i].names[k])) {
+                g_test_message("\"%s\" does not name %s", error->message, programs[i].names[k]);
+                g_test_fail();
+            }
+        g_assert_nonnull(sim_alarm_text(programs[i].alarm));
+        g_assert_nonnull(sim_alarm_advice(programs[i].alarm));
+    }
+    rig_clear(&rig);
+}
+
+static void gates_found(void)
+{
+    Rig rig;
+    rig_init(&rig, 1, 1000);
+    const char *text = "G21\n\nG53 G0 X1\n(c)\nG53 G0 X2\r\nM30";
+    const uint64_t gates[] = {0, 4, 16, 20, 32, 35};
+    g_autoptr(SimProgram) program = rig_program(&rig, text, gates, G_N_ELEMENTS(gates), NULL);
+    static const size_t moves[] = {0, 0, 1, 1, 2, 2};
+    g_assert_nonnull(program);
+    for (size_t i = 0; program && i < G_N_ELEMENTS(moves); i++)
+        g_assert_cmpuint(program->gates[i], ==, moves[i]);
+    rig_clear(&rig);
+}
+
+static void numbers(void)
+{
+    static const struct {
+        double value;
+        const char *text;
+    } cases[] = {{0.1, "0.1"},
+                 {-0.0, "0"},
+                 {1.0 / 3, "0.3333333333333333"},
+                 {1e-7, "1e-07"},
+                 {12345678, "12345678"},
+                 {INFINITY, "null"},
+                 {0.1 + 0.2, "0.30000000000000004"}};
+    for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+        g_autoptr(GString) text = g_string_new(NULL);
+        sim_log_number(text, cases[i].value);
+        g_assert_cmpstr(text->str, ==, cases[i].text);
+    }
+}
+
+static void add(void)
+{
+    g_test_add_func("/sim/controller/run", run);
+    g_test_add_func("/sim/controller/analytic-time", analytic_time);
+    g_test_add_func("/sim/controller/same-at-every-speed", same_at_every_speed);
+    g_test_add_func("/sim/controller/bounded-steps", bounded_steps);
+    g_test_add_func("/sim/controller/second-start-returns", second_start_returns);
+    g_test_add_func("/sim/controller/commands-in-wrong-states", commands_in_wrong_states);
+    g_test_add_func("/sim/controller/refused", refused);
+    g_test_add_func("/sim/controller/gates-found", gates_found);
+    g_test_add_func("/sim/log/numbers", numbers);
+}
+
+int main(int argc, char **argv)
+{
+    return test_main(argc, argv, add);
+}
