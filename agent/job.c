@@ -288,3 +288,27 @@ void agent_job_describe(const AgentJob *job, AgentJson *result)
     agent_json_number(result, "write", job->write_s);
     agent_json_end(result);
 }
+
+void agent_job_describe_plan(const AgentJob *job, AgentJson *result)
+{
+    agent_json_string(result, "program_sha256", job->program->sha256);
+    agent_json_integer(result, "program_bytes", (int64_t)g_bytes_get_size(job->program->bytes));
+    agent_json_integer(result, "gates", (int64_t)job->program->n_gates);
+    agent_json_number(result, "estimated_s", job->plan->estimated_s);
+    agent_json_number(result, "saving_percent", agent_saving_percent(job->plan, job->baseline));
+    agent_json_number(result, "speedup_percent", agent_speedup_percent(job->plan, job->baseline));
+    agent_json_array(result, "notes");
+    for (guint i = 0; job->plan->notes && i < job->plan->notes->len; i++)
+        agent_json_string(result, NULL, g_ptr_array_index(job->plan->notes, i));
+    if (job->no_baseline)
+        agent_json_string(result, NULL, job->no_baseline);
+    agent_json_end(result);
+}
+
+void agent_job_show_notes(const AgentJob *job)
+{
+    for (guint i = 0; job->plan->notes && i < job->plan->notes->len; i++)
+        agent_progress_note("%s", (const char *)g_ptr_array_index(job->plan->notes, i));
+    if (job->no_baseline)
+        agent_progress_note("no comparison with one tool: %s", job->no_baseline);
+}

@@ -46,6 +46,12 @@ bool agent_job_write_plan(AgentJob *job, const char *folder, GError **error);
 /* What the steps took and wrote, into the --json object. */
 void agent_job_describe(const AgentJob *job, AgentJson *result);
 
+/* The same for the plan and its program. */
+void agent_job_describe_plan(const AgentJob *job, AgentJson *result);
+
+/* What the plan left or skipped, on stderr. */
+void agent_job_show_notes(const AgentJob *job);
+
 /* The recipe's parameters as segcore wants them; the arrays stay the recipe's. */
 SegFeatureSizeParams agent_feature_size_params(const CfgRecipe *recipe);
 

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "config/schema.h"
 
-#include <math.h>
-
 #define AT(field) offsetof(CfgMachine, field)
 
 static const CfgChoice dialects[] = {{"linuxcnc", 0}, {NULL, 0}};

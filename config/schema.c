@@ -270,12 +270,10 @@ static const char *only_group(const CfgSchema *schema, const char *name, GError 
     const char *near = nearest(schema, NULL, name);
     for (size_t i = 0; !near && i < schema->n_keys; i++)
         near = nearest(schema, schema->keys[i].group, name);
-    g_set_error(error, CFG_ERROR, CFG_ERROR_SET, "--set %s: %s%s%s", name,
-                group ? "say which: " : "unknown key",
-                group  ? all->str
-                : near ? "; did you mean "
-                       : "",
-                group || !near ? "" : near);
+    g_autofree char *hint = group  ? g_strconcat("say which: ", all->str, NULL)
+                            : near ? g_strdup_printf("unknown key; did you mean %s?", near)
+                                   : g_strdup("unknown key");
+    g_set_error(error, CFG_ERROR, CFG_ERROR_SET, "--set %s: %s", name, hint);
     return NULL;
 }
 

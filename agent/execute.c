@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "agent/execute.h"
+
+#include <glib-unix.h>
+#include <signal.h>
+
+#include "agent/progress.h"
+
+static void show_delivery(const FbStatus *status);
+static void show_run(AgentExecution *execution, const FbStatus *status);
+
+static void on_status(const FbStatus *status, void *data)
+{
+    AgentExecution *execution = data;
+    if (execution->follow)
+        agent_follow_step(execution->follow, status,
+                          (double)(g_get_monotonic_time() - execution->start_us) * 1e-6);
+    if (execution->started)
+        show_run(execution, status);
+    else
+        show_delivery(status);
+}
+
+static gboolean on_interrupt(void *data)
+{
+    AgentExecution *execution = data;
+    AgentLink *link = execution->link;
+    if (!execution->started) {
+        agent_link_cancel(link, g_error_new_literal(AGENT_ERROR, AGENT_ERROR_INTERRUPTED,
+                                                    "interrupted before the start"));
+        return G_SOURCE_CONTINUE;
+    }
+    switch (++execution->interrupts) {
+    case 1:
+        agent_progress_note("asking for a hold; Ctrl-C again aborts, `segmill resume --to %s` "
+                            "goes on",
+                            execution->name);
+        fb_session_command(link->session, FB_COMMAND_HOLD);
+        break;
+    case 2:
+        agent_progress_note("asking for an abort");
+        fb_session_command(link->session, FB_COMMAND_ABORT);
+        break;
+    default:
+        agent_link_cancel(
+            link, g_error_new_literal(FB_ERROR, FB_ERROR_LINK_LOST,
+                                      "gave up waiting for the machine; its state is UNKNOWN"));
+    }
+    return G_SOURCE_CONTINUE;
+}
+
+static bool wait_for(AgentExecution *execution, FbTask task, GError **error)
+{
+    AgentLink *link = execution->link;
+    GSource *interrupt = g_unix_signal_source_new(SIGINT);
+    g_source_set_callback(interrupt, on_interrupt, execution, NULL);
+    g_source_attach(interrupt, link->context);
+    bool ok = agent_link_wait(link, task, error);
+    g_source_destroy(interrupt);
+    g_source_unref(interrupt);
+    return ok;
+}
+
+bool agent_execute_deliver(AgentExecution *execution, GBytes *program, const uint64_t *gates,
+                           size_t n_gates, GError **error)
+{
+    AgentLink *link = execution->link;
+    link->status = on_status;
+    link->data = execution;
+    fb_session_deliver(link->session, program, gates, n_gates);
+    return wait_for(execution, FB_TASK_DELIVER, error);
+}
+
+bool agent_execute_start(AgentExecution *execution, GError **error)
+{
+    AgentLink *link = execution->link;
+    if (execution->follow)
+        agent_follow_arm(execution->follow, fb_session_status(link->session));
+    execution->started = true;
+    fb_session_start(link->session);
+    bool ok = wait_for(execution, FB_TASK_RUN, error);
+    if (ok)
+        agent_progress_share("running", 1);
+    return ok;
+}
+
+static void show_delivery(const FbStatus *status)
+{
+    if (status->state == FB_STATE_LOADING && status->length > 0)
+        agent_progress_share("delivering",
+                             0.999 * (double)status->received / (double)status->length);
+}
+
+/* What stops a run, once; between that the bar. */
+static void show_run(AgentExecution *execution, const FbStatus *status)
+{
+    if (status->state != execution->state) {
+        execution->state = status->state;
+        if (status->state == FB_STATE_PROGRAM_STOP)
+            agent_progress_note("program stop in line %u; `segmill resume --to %s` goes on",
+                                status->line, execution->name);
+        else if (status->state != FB_STATE_RUNNING && status->state != FB_STATE_TOOL_CHANGE)
+            agent_progress_note("%s", fb_state_name(status->state));
+    }
+    if (status->state == FB_STATE_RUNNING && execution->follow)
+        agent_progress_share("running", MIN(0.999, agent_follow_share(execution->follow)));
+}

@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The record of one run, fed with statuses: pure, time is an argument. Statuses are samples, so the
+ * machine time between two of them is shared among the regions of the lines between, in proportion
+ * to the times that the program plans for those lines; the sum over the regions is exact.
+ */
+#ifndef AGENT_FOLLOW_H
+#define AGENT_FOLLOW_H
+
+#include "agent/program.h"
+#include "fieldbus/fieldbus.h"
+
+/* A change of state, as seen. */
+typedef struct {
+    FbState state;
+    double at_s;
+    uint32_t line;
+} AgentFollowState;
+
+typedef struct {
+    double at_s;
+    uint32_t line;
+    double duration_s; /* NAN while it lasts */
+} AgentFollowHold;
+
+typedef struct {
+    double at_s;
+    uint32_t line;
+    int code;
+    char *text, *advice;
+} AgentFollowAlarm;
+
+typedef struct {
+    const AgentProgram *program;
+    double *region_s; /* actual, one a region of the program */
+    double actual_s;  /* machine time of the run */
+    double planned_s; /* where the program plans the line in execution to begin */
+    uint64_t blocks;  /* executed in this run */
+    uint32_t line;
+    GArray *states, *holds, *alarms; /* AgentFollowState, …Hold, …Alarm */
+    /* what the next status is compared with */
+    bool armed;
+    uint32_t epoch, run_before;
+    uint64_t blocks_before;
+    uint16_t alarm_serial;
+} AgentFollow;
+
+/* `program` is kept, not copied. */
+void agent_follow_init(AgentFollow *follow, const AgentProgram *program);
+void agent_follow_clear(AgentFollow *follow);
+
+/* START is about to be sent: what `status` counts was before this run. */
+void agent_follow_arm(AgentFollow *follow, const FbStatus *status);
+
+/* A fresh status, `at_s` after the record began. */
+void agent_follow_step(AgentFollow *follow, const FbStatus *status, double at_s);
+
+/* 0 … 1, by planned time. */
+double agent_follow_share(const AgentFollow *follow);
+
+#endif

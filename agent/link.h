@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A session with the machine that --to names, for commands that wait for one thing at a time. */
+#ifndef AGENT_LINK_H
+#define AGENT_LINK_H
+
+#include "agent/agent.h"
+#include "config/config.h"
+#include "fieldbus/fieldbus.h"
+
+typedef struct AgentLink {
+    CfgAgent *agent;
+    CfgTarget target; /* its strings are the agent's or the options' */
+    GMainContext *context;
+    FbSession *session;
+    /* Every status; may be NULL. */
+    void (*status)(const FbStatus *status, void *data);
+    void *data;
+    bool seen; /* a status has come */
+    bool done[FB_TASK_COMMAND + 1];
+    GError *error[FB_TASK_COMMAND + 1];
+    bool cancelled; /* ends the wait; `cause` is its error */
+    GError *cause;
+} AgentLink;
+
+/* The target of --to: a name in the agent's configuration (--config, the user's, the system's, the
+ * built-in one), or an address. Connects in the background. Errors: AGENT_ERROR_TARGET,
+ * CFG_ERROR. */
+AgentLink *agent_link_open(const AgentOptions *options, GError **error);
+void agent_link_free(AgentLink *link);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentLink, agent_link_free)
+
+/* Waits for the first status. Errors: FB_ERROR_UNREACHABLE after the agent's give_up_s. */
+bool agent_link_wait_status(AgentLink *link, GError **error);
+
+/* Waits until the task ends; fails with the error it ended with. */
+bool agent_link_wait(AgentLink *link, FbTask task, GError **error);
+
+/* Sends a command and waits. */
+bool agent_link_command(AgentLink *link, FbCommand command, GError **error);
+
+/* Ends the wait that is going on; takes `cause`. */
+void agent_link_cancel(AgentLink *link, GError *cause);
+
+/* Gives the lease back, as far as the machine answers within a second: the next agent need not wait
+ * until it lapses. */
+void agent_link_release(AgentLink *link);
+
+#endif

@@ -1,0 +1,92 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "agent/program.h"
+
+#include "agent/agent.h"
+
+static void add_move(AgentProgram *program, GArray *regions, GArray *lines, const NcMove *move,
+                     const NcTimedMove *timed);
+
+GBytes *agent_program_load(const char *path, GError **error)
+{
+    char *text = NULL;
+    size_t length = 0;
+    g_autoptr(GError) cause = NULL;
+    if (g_file_get_contents(path, &text, &length, &cause))
+        return g_bytes_new_take(text, length);
+    g_set_error_literal(error, AGENT_ERROR, AGENT_ERROR_INPUT, cause->message);
+    return NULL;
+}
+
+AgentProgram *agent_program_read(GBytes *bytes, const char *name, const CfgMachine *machine,
+                                 const CfgToolTable *tools, GError **error)
+{
+    size_t length;
+    const char *text = g_bytes_get_data(bytes, &length);
+    g_autoptr(GArray) moves = nc_read_program(text, length, machine, tools, error);
+    if (!moves) {
+        g_prefix_error(error, "%s: ", name);
+        return NULL;
+    }
+    const NcMove *move = (const NcMove *)(void *)moves->data;
+    g_autofree NcTimedMove *timed = nc_motion_plan(machine, move, moves->len);
+    AgentProgram *program = g_new0(AgentProgram, 1);
+    GArray *regions = g_array_new(false, false, sizeof(AgentProgramRegion));
+    GArray *lines = g_array_new(false, false, sizeof(AgentProgramLine));
+    for (guint i = 0; i < moves->len; i++)
+        add_move(program, regions, lines, &move[i], &timed[i]);
+    program->regions = g_array_steal(regions, &program->n_regions);
+    program->lines = g_array_steal(lines, &program->n_lines);
+    g_array_unref(regions);
+    g_array_unref(lines);
+    return program;
+}
+
+void agent_program_free(AgentProgram *program)
+{
+    if (!program)
+        return;
+    g_free(program->regions);
+    g_free(program->lines);
+    g_free(program);
+}
+
+/* Index of the region, added where it is new. */
+static size_t region_index(GArray *regions, int32_t id)
+{
+    for (guint i = regions->len; i > 0; i--)
+        if (g_array_index(regions, AgentProgramRegion, i - 1).id == id)
+            return i - 1;
+    AgentProgramRegion region = {.id = id};
+    g_array_append_val(regions, region);
+    return regions->len - 1;
+}
+
+static void add_move(AgentProgram *program, GArray *regions, GArray *lines, const NcMove *move,
+                     const NcTimedMove *timed)
+{
+    size_t region = region_index(regions, move->region);
+    g_array_index(regions, AgentProgramRegion, region).planned_s += timed->duration_s;
+    program->total_s = timed->start_s + timed->duration_s;
+    if (move->kind == NC_MOVE_FEED || move->kind == NC_MOVE_ARC)
+        program->length_mm += timed->length_mm;
+    if (move->kind == NC_MOVE_RAPID)
+        program->air_mm += timed->length_mm;
+    program->tool_changes += move->kind == NC_MOVE_TOOL_CHANGE;
+    if (lines->len > 0 && g_array_index(lines, AgentProgramLine, lines->len - 1).line == move->line)
+        return;
+    AgentProgramLine line = {move->line, timed->start_s, region};
+    g_array_append_val(lines, line);
+}
+
+size_t agent_program_line(const AgentProgram *program, uint32_t line)
+{
+    size_t low = 0, high = program->n_lines;
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        if (program->lines[middle].line <= line)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low > 0 ? low - 1 : program->n_lines;
+}

@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* A program with its planned times: which region each line is for, and when it is due. */
+#ifndef AGENT_PROGRAM_H
+#define AGENT_PROGRAM_H
+
+#include "config/config.h"
+#include "nc/nc.h"
+
+typedef struct {
+    int32_t id; /* of the last (REGION n …) comment; 0: before the first */
+    double planned_s;
+} AgentProgramRegion;
+
+/* A line that moves: from its start to the next one's the time is `region`'s. */
+typedef struct {
+    uint32_t line;
+    double start_s;
+    size_t region; /* index into regions */
+} AgentProgramLine;
+
+typedef struct {
+    AgentProgramRegion *regions; /* in order of their first line */
+    size_t n_regions;
+    AgentProgramLine *lines; /* ascending; what a line does not name goes on as before */
+    size_t n_lines;
+    double total_s;
+    double length_mm, air_mm; /* feed moves and arcs; rapids */
+    int tool_changes;
+} AgentProgram;
+
+/* The bytes of a file. Errors: AGENT_ERROR_INPUT. */
+GBytes *agent_program_load(const char *path, GError **error);
+
+/* Reads and times the whole program; `name` opens the messages. Errors: NC_ERROR. */
+AgentProgram *agent_program_read(GBytes *bytes, const char *name, const CfgMachine *machine,
+                                 const CfgToolTable *tools, GError **error);
+void agent_program_free(AgentProgram *program);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentProgram, agent_program_free)
+
+/* Index of the last line at or before `line`; n_lines where there is none. */
+size_t agent_program_line(const AgentProgram *program, uint32_t line);
+
+#endif

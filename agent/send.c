@@ -1,0 +1,115 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdio.h>
+
+#include "agent/execute.h"
+#include "agent/program.h"
+#include "agent/progress.h"
+
+static bool run(const AgentOptions *options, AgentJson *result, GError **error);
+
+const AgentCommand agent_send = {
+    .name = "send",
+    .argument = "PROGRAM",
+    .synopsis = "PROGRAM --to NAME [--start] [--machine FILE]",
+    .summary = "deliver a program and let the machine verify it; without --start nothing moves",
+    .help =
+        "Delivers the bytes of any program. Its gates, the places where the tool is clear of the\n"
+        "part, are found with the machine's description: --machine, or the file that the agent's\n"
+        "configuration names for the machine. Without one the only gate is the program's end.\n"
+        "With --start the program is started and followed, as by `run`.",
+    .takes = AGENT_TAKES_TO | AGENT_TAKES_START | AGENT_TAKES_MACHINE | AGENT_TAKES_CONFIG,
+    .needs = AGENT_TAKES_TO,
+    .run = run,
+};
+
+/* What is to be delivered. */
+typedef struct {
+    NcProgram *program;
+    AgentProgram *timed; /* NULL without a machine's description */
+} Load;
+
+static void load_clear(Load *load)
+{
+    g_clear_pointer(&load->program, nc_program_free);
+    g_clear_pointer(&load->timed, agent_program_free);
+}
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(Load, load_clear)
+
+/* Without the machine's description: the end is the one place that is known to be clear. */
+static NcProgram *bare_program(GBytes *bytes)
+{
+    NcProgram *program = g_new0(NcProgram, 1);
+    g_autofree char *sha256 = g_compute_checksum_for_bytes(G_CHECKSUM_SHA256, bytes);
+    g_strlcpy(program->sha256, sha256, sizeof program->sha256);
+    program->bytes = g_bytes_ref(bytes);
+    program->gates = g_new(uint64_t, 1);
+    program->gates[0] = g_bytes_get_size(bytes);
+    program->n_gates = 1;
+    return program;
+}
+
+static bool load_program(const AgentOptions *options, const AgentLink *link, Load *load,
+                         GError **error)
+{
+    g_autoptr(GBytes) bytes = agent_program_load(options->argument, error);
+    if (!bytes)
+        return false;
+    const char *file = options->machine ? options->machine : link->target.machine_file;
+    if (!file) {
+        agent_progress_note("no description of the machine is known: the only gate is the end");
+        load->program = bare_program(bytes);
+        return true;
+    }
+    g_autoptr(CfgMachine) machine = cfg_machine_load(file, error);
+    g_autoptr(CfgToolTable) tools = machine ? cfg_tools_load(machine->tools_file, error) : NULL;
+    if (!tools)
+        return false;
+    load->timed = agent_program_read(bytes, options->argument, machine, tools, error);
+    if (load->timed)
+        load->program = nc_program_from_bytes(bytes, machine, tools, error);
+    return load->program;
+}
+
+static bool deliver(const AgentOptions *options, AgentLink *link, const Load *load,
+                    AgentFollow *follow, GError **error)
+{
+    const NcProgram *program = load->program;
+    AgentExecution execution = {.link = link,
+                                .follow = follow,
+                                .start_us = g_get_monotonic_time(),
+                                .state = FB_N_STATES,
+                                .name = options->to};
+    bool ok =
+        agent_execute_deliver(&execution, program->bytes, program->gates, program->n_gates, error);
+    if (ok && options->start)
+        ok = agent_execute_start(&execution, error);
+    link->status = NULL;
+    agent_link_release(link);
+    return ok;
+}
+
+static bool run(const AgentOptions *options, AgentJson *result, GError **error)
+{
+    g_autoptr(AgentLink) link = agent_link_open(options, error);
+    g_auto(Load) load = {0};
+    if (!link || !load_program(options, link, &load, error))
+        return false;
+    AgentFollow follow = {0};
+    if (load.timed)
+        agent_follow_init(&follow, load.timed);
+    bool ok = deliver(options, link, &load, load.timed ? &follow : NULL, error);
+    if (load.timed)
+        agent_follow_clear(&follow);
+    if (!ok)
+        return false;
+    const FbStatus *status = fb_session_status(link->session);
+    size_t length = g_bytes_get_size(load.program->bytes);
+    agent_json_string(result, "program_sha256", load.program->sha256);
+    agent_json_integer(result, "program_bytes", (int64_t)length);
+    agent_json_integer(result, "gates", (int64_t)load.program->n_gates);
+    agent_json_string(result, "state", fb_state_name(status->state));
+    if (!options->json)
+        printf("%s: %zu bytes delivered and verified; the machine is %s\n", options->argument,
+               length, fb_state_name(status->state));
+    return true;
+}

@@ -1,0 +1,85 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <stdio.h>
+#include <string.h>
+
+#include "agent/link.h"
+
+static bool run(const AgentOptions *options, AgentJson *result, GError **error);
+
+const AgentCommand agent_status = {
+    .name = "status",
+    .synopsis = "--to NAME",
+    .summary = "show what a machine reports",
+    .help = "Reads the machine's status once. It needs no lease and moves nothing.",
+    .takes = AGENT_TAKES_TO | AGENT_TAKES_CONFIG,
+    .needs = AGENT_TAKES_TO,
+    .run = run,
+};
+
+static void write_program(const FbStatus *status, AgentJson *result)
+{
+    static const uint8_t none[32];
+    char sha256[65];
+    for (size_t i = 0; i < 32; i++)
+        snprintf(sha256 + 2 * i, 3, "%02x", status->sha256[i]);
+    bool verified = memcmp(status->sha256, none, sizeof none) != 0;
+    agent_json_string(result, "program_sha256", verified ? sha256 : NULL);
+    agent_json_integer(result, "length", (int64_t)status->length);
+    agent_json_integer(result, "received", (int64_t)status->received);
+    agent_json_integer(result, "line", status->line);
+    agent_json_integer(result, "executed_blocks", (int64_t)status->executed_blocks);
+    agent_json_number(result, "program_time_s", status->program_time_ms * 1e-3);
+}
+
+static void write_status(const FbStatus *status, AgentJson *result)
+{
+    agent_json_string(result, "state", fb_state_name(status->state));
+    agent_json_integer(result, "epoch", status->epoch);
+    agent_json_bool(result, "leased", status->lease_owner != 0);
+    agent_json_bool(result, "needs_acknowledge", status->needs_acknowledge);
+    write_program(status, result);
+    agent_json_integer(result, "tool", status->tool);
+    agent_json_row(result, "position_mm");
+    for (int i = 0; i < 3; i++)
+        agent_json_number(result, NULL, status->position_mm[i]);
+    agent_json_end(result);
+    agent_json_number(result, "feed_mm_min", status->feed_mm_min);
+    agent_json_number(result, "spindle_rpm", status->spindle_rpm);
+    if (status->alarm_code == 0) {
+        agent_json_string(result, "alarm", NULL);
+        return;
+    }
+    agent_json_object(result, "alarm");
+    agent_json_integer(result, "code", status->alarm_code);
+    agent_json_string(result, "text", status->alarm_text);
+    agent_json_string(result, "advice", status->alarm_advice);
+    agent_json_end(result);
+}
+
+static void print_status(const FbStatus *status)
+{
+    printf("state     %s%s\n", fb_state_name(status->state),
+           status->needs_acknowledge ? " (wants an acknowledgement at the machine)" : "");
+    if (status->length > 0)
+        printf("program   %" G_GUINT64_FORMAT " of %" G_GUINT64_FORMAT " bytes, line %u, %.1f s\n",
+               status->received, status->length, status->line, status->program_time_ms * 1e-3);
+    printf("position  X%.3f Y%.3f Z%.3f mm, tool %d\n", status->position_mm[0],
+           status->position_mm[1], status->position_mm[2], status->tool);
+    printf("feed      %.0f mm/min, spindle %.0f rev/min\n", status->feed_mm_min,
+           status->spindle_rpm);
+    if (status->alarm_code)
+        printf("alarm     %u: %s; %s\n", status->alarm_code, status->alarm_text,
+               status->alarm_advice);
+}
+
+static bool run(const AgentOptions *options, AgentJson *result, GError **error)
+{
+    g_autoptr(AgentLink) link = agent_link_open(options, error);
+    if (!link || !agent_link_wait_status(link, error))
+        return false;
+    const FbStatus *status = fb_session_status(link->session);
+    write_status(status, result);
+    if (!options->json)
+        print_status(status);
+    return true;
+}
