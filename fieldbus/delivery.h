@@ -1,0 +1,77 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * FbDelivery: the agent's side of one connection as a state machine. It decides everything from the
+ * machine's last status, so that after any break it needs to remember nothing but its task and the
+ * one command whose answer it does not know yet. It knows neither sockets nor clocks.
+ */
+#ifndef FIELDBUS_DELIVERY_H
+#define FIELDBUS_DELIVERY_H
+
+#include "fieldbus/wire.h"
+
+typedef enum {
+    FB_REQUEST_STATUS,  /* read STATUS */
+    FB_REQUEST_ALARM,   /* read ALARM */
+    FB_REQUEST_COMMAND, /* these write their block and read STATUS back */
+    FB_REQUEST_CHUNK,
+    FB_REQUEST_BEAT,
+} FbRequestKind;
+
+typedef struct {
+    FbRequestKind kind;
+    size_t n; /* of the block that is written */
+    uint8_t bytes[FB_BLOCK_BYTES];
+} FbRequest;
+
+typedef enum { FB_EVENT_TICK, FB_EVENT_CONNECTED, FB_EVENT_REPLY, FB_EVENT_BROKEN } FbEventKind;
+
+typedef struct {
+    FbEventKind kind;
+    const uint8_t *bytes; /* REPLY: the block read */
+    size_t n;
+    const char *why; /* BROKEN: also "cannot connect" */
+} FbEvent;
+
+/* What to do after a step, in this order. */
+typedef struct {
+    bool close;
+    bool connect;
+    const FbRequest *request; /* send it; NULL: nothing. Valid until the next step */
+    bool show;                /* fb_delivery_status is worth showing */
+    bool ended;               /* the task, */
+    FbTask task;
+    GError *error;   /* how; the caller's */
+    int64_t wake_us; /* TICK then, at the latest */
+} FbActions;
+
+typedef struct {
+    uint32_t session; /* random, not 0 */
+    uint64_t token;
+    int64_t reply_timeout_us, reconnect_us, give_up_us, heartbeat_us;
+} FbDeliveryOptions;
+
+typedef struct FbDelivery FbDelivery;
+
+FbDelivery *fb_delivery_new(const FbDeliveryOptions *options, int64_t now_us);
+void fb_delivery_free(FbDelivery *delivery);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbDelivery, fb_delivery_free)
+
+void fb_delivery_set_token(FbDelivery *delivery, uint64_t token);
+
+/* Tasks; one at a time. Step with TICK afterwards. */
+void fb_delivery_deliver(FbDelivery *delivery, GBytes *program, const uint64_t *gates,
+                         size_t n_gates, int64_t now_us);
+void fb_delivery_start(FbDelivery *delivery, int64_t now_us);
+void fb_delivery_command(FbDelivery *delivery, FbCommand command, int64_t now_us);
+bool fb_delivery_busy(const FbDelivery *delivery);
+
+void fb_delivery_step(FbDelivery *delivery, const FbEvent *event, int64_t now_us, FbActions *out);
+
+/* The last status; UNKNOWN before the first and while there is no connection. */
+const FbStatus *fb_delivery_status(const FbDelivery *delivery);
+
+/* The RELEASE to send before the connection is closed for good; NULL where there is none to send:
+ * no lease, no connection, or a run that is on. */
+const FbRequest *fb_delivery_farewell(FbDelivery *delivery);
+
+#endif
