@@ -15,7 +15,7 @@
 #define NC_MM_PER_INCH 25.4
 
 /* LinuxCNC reads no longer lines, so neither do we. */
-enum { NC_MAX_LINE_BYTES = 255, NC_MAX_WORDS = 128 };
+enum { NC_MAX_LINE_BYTES = 252, NC_MAX_WORDS = 128 };
 
 /* A letter and its number, and where it stands in the line. */
 typedef struct {

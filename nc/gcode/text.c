@@ -4,7 +4,7 @@
 #include <stdarg.h>
 #include <string.h>
 
-/* Of a comment, so that its block stays below LinuxCNC's 255 characters. */
+/* Of a comment, so that its block stays within what LinuxCNC reads. */
 enum { MAX_COMMENT = 200 };
 
 static const uint64_t power[] = {1, 10, 100, 1000, 10000, 100000, 1000000};
