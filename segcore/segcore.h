@@ -254,7 +254,7 @@ typedef enum {
 
 const char *seg_region_kind_name(SegRegionKind kind);
 
-/* A face, or the part of it inside `loops`. */
+/* A face, or the part of it inside `loops`; n_loops 0: all of the face, inside its own loops. */
 typedef struct {
     int32_t face;
     int32_t tag; /* class the method put it in, from 1; 0: none */
@@ -296,42 +296,56 @@ typedef struct {
 void seg_segmentation_free(SegSegmentation *segmentation);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SegSegmentation, seg_segmentation_free)
 
-/* Characteristic cuboid of one face (P0 §2.2): diagonal, length, width, height. */
+/* Characteristic cuboid of one face (P0 §2.2), aligned with the axes of the part: its diagonal, and
+ * its extents with length >= width >= height, whichever axes they lie along. */
 typedef struct {
     double diagonal_mm, length_mm, width_mm, height_mm;
 } SegFeatureSize;
 
 /* How the boundary of a face is enriched before its cuboid is taken (P0 §2.2). */
 typedef enum {
-    SEG_REPAIR_EXACT,  /* the rule's points, then every extremum of every edge polished: default */
+    SEG_REPAIR_EXACT,  /* every extremum of every edge in x, y and z, to 1e-10 of the edge: the
+                          cuboid that ever more points by the rule approach. The default */
     SEG_REPAIR_RULE,   /* the paper's 8/6/4/2 rule against the datum length, nothing else */
-    SEG_REPAIR_POINTS, /* a fixed number of points an edge (figure 8) */
+    SEG_REPAIR_POINTS, /* a fixed number of points an edge, at equal arc lengths (figure 8) */
 } SegRepair;
 
 typedef struct {
     SegRepair repair;
-    int points;                /* for SEG_REPAIR_POINTS */
+    int points;                /* for SEG_REPAIR_POINTS: 0…10000 */
     double datum_mm;           /* L of the rule; 0: the first feature size of the part */
     double tolerance;          /* similarity, relative to the class's largest member: 0.05 */
     double subset_tolerance;   /* 0: no subdivision; else relative, on length, width, height */
     double min_size_mm;        /* smaller faces are dropped; 0: none */
-    double local_ratio;        /* local: first size <= ratio · largest class's; 0: off */
+    double local_ratio;        /* local: first size <= ratio · largest class's; 0: off. Not looked
+                                  at where tags or faces are named */
     const int32_t *local_tags; /* local by class */
     size_t n_local_tags;
     const int32_t *local_faces; /* local by face */
     size_t n_local_faces;
-    const int32_t (*reassign)[2]; /* {face, tag}: moved by hand after classification */
+    const int32_t (*reassign)[2]; /* {face, tag}: moved by hand after classification; the tag above
+                                     the largest opens a class */
     size_t n_reassign;
     bool split_rest; /* a region for each class of the rest, not one for all */
 } SegFeatureSizeParams;
 
 #define SEG_FEATURE_SIZE_DEFAULTS ((SegFeatureSizeParams){.tolerance = 0.05, .local_ratio = 0.5})
 
-/* Feature size of one face. `n_points` may be NULL; else the number of points added. */
+/* Feature size of one face. `n_points` may be NULL; else the number of points added between the
+ * ends of its edges. With SEG_REPAIR_RULE give datum_mm when asking for many faces: 0 measures the
+ * whole part each time. */
 SegFeatureSize seg_feature_size(const SegPart *part, int32_t face,
                                 const SegFeatureSizeParams *params, size_t *n_points);
 
-/* P0 in full: sizes, classes, local features and the rest. */
+/*
+ * P0 in full: sizes, classes, local features and the rest. Tags number the classes from 1, largest
+ * first. Regions: "rest" (with split_rest "rest-TAG"), the remaining area; then "local-1", "local-2",
+ * …, largest first: local faces that touch are one feature, whatever their classes (the top, fillet
+ * and wall of a boss), and features whose faces agree in area one by one within `tolerance` share a
+ * region (the blades of a wheel, which turned by an angle differ in their cuboids). Deterministic.
+ * Errors: SEG_ERROR_ARGUMENT (a parameter out of range, a tag or face that does not exist, a mesh,
+ * every face dropped).
+ */
 SegSegmentation *seg_segment_feature_size(const SegPart *part, const SegFeatureSizeParams *params,
                                           GError **error);
 
