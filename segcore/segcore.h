@@ -339,12 +339,12 @@ SegFeatureSize seg_feature_size(const SegPart *part, int32_t face,
 
 /*
  * P0 in full: sizes, classes, local features and the rest. Tags number the classes from 1, largest
- * first. Regions: "rest" (with split_rest "rest-TAG"), the remaining area; then "local-1", "local-2",
- * …, largest first: local faces that touch are one feature, whatever their classes (the top, fillet
- * and wall of a boss), and features whose faces agree in area one by one within `tolerance` share a
- * region (the blades of a wheel, which turned by an angle differ in their cuboids). Deterministic.
- * Errors: SEG_ERROR_ARGUMENT (a parameter out of range, a tag or face that does not exist, a mesh,
- * every face dropped).
+ * first. Regions: "rest" (with split_rest "rest-TAG"), the remaining area; then "local-1",
+ * "local-2", …, largest first: local faces that touch are one feature, whatever their classes (the
+ * top, fillet and wall of a boss), and features whose faces agree in area one by one within
+ * `tolerance` share a region (the blades of a wheel, which turned by an angle differ in their
+ * cuboids). Deterministic. Errors: SEG_ERROR_ARGUMENT (a parameter out of range, a tag or face that
+ * does not exist, a mesh, every face dropped).
  */
 SegSegmentation *seg_segment_feature_size(const SegPart *part, const SegFeatureSizeParams *params,
                                           GError **error);
