@@ -20,6 +20,7 @@
 #include <Geom_TrimmedCurve.hxx>
 #include <Precision.hxx>
 #include <Standard_Failure.hxx>
+#include <algorithm>
 #include <cmath>
 #include <gp_Ax1.hxx>
 #include <gp_Pln.hxx>
@@ -28,12 +29,16 @@ namespace cad
 {
 
 static const double kQuarter = M_PI / 2;
-static const double kSameAngle = 1e-11; /* rad: a quarter's bound closer than this is the end */
-static const double kApproximation_mm = 1e-6;
+static const double kSameAngle = 1e-11;    /* rad: a quarter's bound closer than this is the end */
+static const double kSameParameter = 1e-9; /* of a range: beyond its end by rounding only */
+static const double kApproximation_mm = 1e-7;
 
 static Spline convert_arc(const gp_XYZ &centre, const gp_XYZ &x, const gp_XYZ &y, double first,
                           double last);
 static Spline convert_bspline(Handle(Geom_BSplineCurve) curve, double first, double last);
+static std::vector<double> knots_within(const Handle(Geom_BSplineCurve) & curve, double first,
+                                        double last);
+static Spline approximate(const Handle(Geom_Curve) & curve, const std::vector<double> &breaks);
 static SplineSurface revolve(const Spline &profile, const gp_Ax1 &axis, double u0, double u1);
 static SplineSurface extrude(const Spline &profile, const gp_XYZ &direction, double v0, double v1);
 static SplineSurface convert_bspline(Handle(Geom_BSplineSurface) surface, double u0, double u1,
@@ -75,21 +80,9 @@ Spline convert(const Handle(Geom_Curve) & curve, double first, double last)
     }
     if (auto spline = Handle(Geom_BSplineCurve)::DownCast(curve))
         return convert_bspline(Handle(Geom_BSplineCurve)::DownCast(spline->Copy()), first, last);
-    if (auto bezier = Handle(Geom_BezierCurve)::DownCast(curve)) {
-        Spline s;
-        s.degree = bezier->Degree();
-        s.rational = bezier->IsRational();
-        for (int i = 0; i <= s.degree; i++)
-            s.poles.push_back(pole(bezier->Pole(i + 1).XYZ(), bezier->Weight(i + 1)));
-        s.knots.assign(static_cast<size_t>(s.degree) + 1, 0);
-        s.knots.insert(s.knots.end(), static_cast<size_t>(s.degree) + 1, 1);
-        return s;
-    }
-    auto value = [&](double t) { return curve->Value(t).XYZ(); };
-    auto deviation = [&](double t, const gp_XYZ &p) {
-        return (curve->Value(t).XYZ() - p).Modulus();
-    };
-    return fit(value, deviation, {first, last}, kApproximation_mm);
+    if (auto bezier = Handle(Geom_BezierCurve)::DownCast(curve))
+        return convert_bspline(GeomConvert::CurveToBSplineCurve(bezier), first, last);
+    return approximate(curve, {first, last});
 }
 
 Spline convert(const Handle(Geom2d_Curve) & curve, double first, double last)
@@ -234,24 +227,52 @@ static SplineSurface extrude(const Spline &profile, const gp_XYZ &direction, dou
 
 static Spline convert_bspline(Handle(Geom_BSplineCurve) curve, double first, double last)
 {
-    if (curve->IsPeriodic()) {
-        double start = curve->FirstParameter(), end = curve->LastParameter();
-        if (first >= start - Precision::PConfusion() && last <= end + Precision::PConfusion())
-            curve->SetNotPeriodic();
-        else
-            curve->Segment(first, last);
-    }
+    double start = curve->FirstParameter(), end = curve->LastParameter();
+    double slack = kSameParameter * (end - start);
+    bool beyond = first < start - slack || last > end + slack;
+    if (curve->IsPeriodic() && beyond)
+        curve->Segment(first, last);
+    else if (curve->IsPeriodic())
+        curve->SetNotPeriodic();
+    else if (beyond)
+        return approximate(curve, knots_within(curve, first, last));
     if (curve->Multiplicity(1) <= curve->Degree() ||
         curve->Multiplicity(curve->NbKnots()) <= curve->Degree())
         curve->Segment(curve->FirstParameter(), curve->LastParameter());
     Spline s;
     s.degree = curve->Degree();
     s.rational = curve->IsRational();
-    for (double knot : curve->KnotSequence())
-        s.knots.push_back(knot);
+    start = curve->FirstParameter();
+    end = curve->LastParameter();
+    for (double knot : curve->KnotSequence()) /* the ends take up rounding of the range */
+        s.knots.push_back(knot <= start ? std::min(knot, first)
+                          : knot >= end ? std::max(knot, last)
+                                        : knot);
     for (int i = 1; i <= curve->NbPoles(); i++)
         s.poles.push_back(pole(curve->Pole(i).XYZ(), curve->Weight(i)));
     return s;
+}
+
+/* first, the curve's knots between, last. */
+static std::vector<double> knots_within(const Handle(Geom_BSplineCurve) & curve, double first,
+                                        double last)
+{
+    std::vector<double> breaks = {first};
+    for (double knot : curve->Knots())
+        if (knot > breaks.back() && knot < last)
+            breaks.push_back(knot);
+    breaks.push_back(last);
+    return breaks;
+}
+
+/* Any curve over the breaks, its ends extrapolated where they lie beyond it. */
+static Spline approximate(const Handle(Geom_Curve) & curve, const std::vector<double> &breaks)
+{
+    auto value = [&](double t) { return curve->Value(t).XYZ(); };
+    auto deviation = [&](double t, const gp_XYZ &p) {
+        return (curve->Value(t).XYZ() - p).Modulus();
+    };
+    return fit(value, deviation, breaks, kApproximation_mm);
 }
 
 /* Makes a periodic direction plain, from u0 where [u0, u1] leaves the first period. */

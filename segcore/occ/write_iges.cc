@@ -1,14 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "segcore/occ/write_iges.h"
 
-#include <BRep_Builder.hxx>
 #include <IGESControl_Controller.hxx>
 #include <IGESControl_Writer.hxx>
 #include <IGESData_GlobalSection.hxx>
 #include <IGESData_IGESModel.hxx>
-#include <Interface_Static.hxx>
 #include <TCollection_HAsciiString.hxx>
-#include <TopoDS_Compound.hxx>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -50,23 +47,25 @@ std::vector<int> parse_faces(const std::string &list)
 
 void write_iges(const CadFile &file, const std::vector<int> &faces, const std::string &out)
 {
-    IGESControl_Controller::Init();
-    Interface_Static::SetCVal("write.iges.unit", "MM");
-    Interface_Static::SetIVal("write.iges.brep.mode", 0);
-    IGESControl_Writer writer("MM", 0);
-    TopTools_IndexedMapOfShape written;
+    TopTools_IndexedMapOfShape shapes;
     for (int index : faces) {
         if (index >= file.n_faces())
             throw InputError(file.path + ": face " + std::to_string(index) +
                              " does not exist: there are " + std::to_string(file.n_faces()) +
                              ", counted from 0");
-        if (written.Contains(file.face(index)))
-            continue;
-        written.Add(file.face(index));
-        if (!writer.AddShape(file.face(index)))
-            throw InputError(file.path + ": face " + std::to_string(index) +
-                             " cannot be written as IGES");
+        shapes.Add(file.face(index));
     }
+    save_iges(shapes, "MM", out);
+}
+
+void save_iges(const TopTools_IndexedMapOfShape &shapes, const char *unit, const std::string &out)
+{
+    IGESControl_Controller::Init();
+    IGESControl_Writer writer(unit, 0);
+    for (int i = 1; i <= shapes.Extent(); i++)
+        if (!writer.AddShape(shapes(i)))
+            throw InputError(out + ": shape " + std::to_string(i - 1) +
+                             " of those asked for cannot be written as IGES");
     fix_global_section(writer.Model());
     writer.ComputeModel();
 

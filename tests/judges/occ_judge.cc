@@ -148,16 +148,18 @@ int main(int argc, char **argv)
     std::vector<std::string> arguments(argv + 1, argv + argc);
     std::string mode;
     double eps = 0;
-    if (!arguments.empty() && arguments[0].rfind("--", 0) == 0) {
-        mode = arguments[0];
-        arguments.erase(arguments.begin());
-    }
-    for (size_t i = 0; i + 1 < arguments.size(); i++)
-        if (arguments[i] == "--eps") {
+    for (size_t i = 0; i < arguments.size();) {
+        auto at = arguments.begin() + static_cast<long>(i);
+        if (arguments[i] == "--eps" && i + 1 < arguments.size()) {
             eps = std::atof(arguments[i + 1].c_str());
-            arguments.erase(arguments.begin() + static_cast<long>(i),
-                            arguments.begin() + static_cast<long>(i) + 2);
+            arguments.erase(at, at + 2);
+        } else if (arguments[i].rfind("--", 0) == 0) {
+            mode = arguments[i];
+            arguments.erase(at);
+        } else {
+            i++;
         }
+    }
     bool known = mode.empty() || mode == "--total" || mode == "--check" || mode == "--points";
     if (!known || arguments.size() != (mode == "--points" ? 2u : 1u)) {
         std::fprintf(stderr, "usage: occ_judge [--total | --check | --points] FILE [FACE] "
