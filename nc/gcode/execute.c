@@ -240,7 +240,8 @@ static bool move(NcExecution *x, GError **error)
     return true;
 }
 
-/* G28: by way of the point named, then home with the axes named; with all where none is. */
+/* G28: by way of the point named, then home with the axes named; with all where none is. LinuxCNC
+ * goes to that point even where none is named, so two moves it always is. */
 static void go_home(NcExecution *x)
 {
     SegVec3 home = x->modal.position;
@@ -251,9 +252,7 @@ static void go_home(NcExecution *x)
             some = true;
         }
     }
-    if (some) {
-        append_to(x, NC_MOVE_RAPID, target(x, program_shift(x), x->modal.incremental));
-    }
+    append_to(x, NC_MOVE_RAPID, target(x, program_shift(x), x->modal.incremental));
     append_to(x, NC_MOVE_RAPID, some ? home : x->modal.home);
 }
 

@@ -53,7 +53,7 @@ static void coordinates(void)
          "tool 1\nrapid 0 0 51.8\nrapid 0 0 61\nrapid 0 0 1\nrapid 1 0 1\nrapid 1 0 51.8\nend\n"},
         {"G43 H2 G55\nG53 G0 Z-5\nG0 Z0\nM2", "rapid 0 0 -5\nrapid 0 0 30\nend\n"},
         {"G0 X5 Y6 Z7\nG28.1\nX1 Y1 Z1\nG28 Z9\nG28\nM2",
-         "rapid 5 6 7\nrapid 1 1 1\nrapid 1 1 9\nrapid 1 1 7\nrapid 5 6 7\nend\n"},
+         "rapid 5 6 7\nrapid 1 1 1\nrapid 1 1 9\nrapid 1 1 7\nrapid 1 1 7\nrapid 5 6 7\nend\n"},
         {"G0 X5 Y6 Z7\nG91 G28 X0\nM2", "rapid 5 6 7\nrapid 5 6 7\nrapid 0 6 7\nend\n"},
         {"G80 G0 X1\nG80\nM2", "rapid 1 0 0\nend\n"},
     };
