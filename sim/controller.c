@@ -507,9 +507,8 @@ static void note(SimController *c, FbState state, GArray *actions)
 
 static void tell(SimController *c, FbState state, FbMachineEvent event, GArray *actions)
 {
-    c->state = state;
-    SimAction action = {
-        .kind = SIM_STATE, .state = state, .tell = true, .event = event, .time_s = c->time_s};
+    note(c, state, actions);
+    SimAction action = {.kind = SIM_TELL, .event = event, .time_s = c->time_s};
     g_array_append_val(actions, action);
 }
 

@@ -42,6 +42,7 @@ typedef struct {
 
 typedef enum {
     SIM_STATE, /* the state changed */
+    SIM_TELL,  /* the receiver has to hear of an event */
     SIM_BLOCK, /* a block has been executed */
 } SimActionKind;
 
@@ -56,11 +57,10 @@ typedef struct {
 
 typedef struct {
     SimActionKind kind;
-    FbState state; /* SIM_STATE */
-    bool tell;     /* SIM_STATE: the receiver does not know; `event` says it */
-    FbMachineEvent event;
-    double time_s;  /* of the program's clock */
-    SimBlock block; /* SIM_BLOCK */
+    FbState state;        /* SIM_STATE */
+    FbMachineEvent event; /* SIM_TELL */
+    SimBlock block;       /* SIM_BLOCK */
+    double time_s;        /* of the program's clock */
 } SimAction;
 
 /* Runs since the machine was switched on. */

@@ -63,17 +63,17 @@ void sim_log_refused(SimLog *log, uint16_t code, const char *text)
     write_line(log, true);
 }
 
-void sim_log_action(SimLog *log, const SimAction *action)
+void sim_log_state(SimLog *log, FbState state, double time_s)
+{
+    g_string_printf(log->line, "{\"state\":\"%s\",\"time_s\":", fb_state_name(state));
+    sim_log_number(log->line, time_s);
+    g_string_append_c(log->line, '}');
+    write_line(log, true);
+}
+
+void sim_log_block(SimLog *log, const SimBlock *block)
 {
     GString *line = log->line;
-    if (action->kind == SIM_STATE) {
-        g_string_printf(line, "{\"state\":\"%s\",\"time_s\":", fb_state_name(action->state));
-        sim_log_number(line, action->time_s);
-        g_string_append_c(line, '}');
-        write_line(log, true);
-        return;
-    }
-    const SimBlock *block = &action->block;
     const double numbers[] = {block->start_s,       block->end_s,         block->position_mm.x,
                               block->position_mm.y, block->position_mm.z, block->feed_mm_min};
     static const char *const before[] = {

@@ -18,7 +18,8 @@ bool sim_log_close(SimLog *log, GError **error);
 
 void sim_log_program(SimLog *log, const SimProgram *program);
 void sim_log_refused(SimLog *log, uint16_t code, const char *text);
-void sim_log_action(SimLog *log, const SimAction *action);
+void sim_log_state(SimLog *log, FbState state, double time_s);
+void sim_log_block(SimLog *log, const SimBlock *block);
 
 /* Appends the shortest decimal form that reads back as the same number; "null" unless finite. */
 void sim_log_number(GString *line, double value);

@@ -254,14 +254,23 @@ static void step(SimMachine *machine, SimEventKind kind, SimProgram *program)
 
 static void carry_out(SimMachine *machine, const SimAction *action)
 {
-    if (machine->options.log)
-        sim_log_action(machine->options.log, action);
-    if (action->kind != SIM_STATE || !action->tell)
-        return;
+    SimLog *log = machine->options.log;
     FbAlarm estop = {.code = SIM_ALARM_ESTOP,
                      .text = sim_alarm_text(SIM_ALARM_ESTOP),
                      .advice = sim_alarm_advice(SIM_ALARM_ESTOP)};
-    tell(machine, action->event, action->event == FB_MACHINE_ESTOP ? &estop : NULL);
+    switch (action->kind) {
+    case SIM_STATE:
+        if (log)
+            sim_log_state(log, action->state, action->time_s);
+        break;
+    case SIM_BLOCK:
+        if (log)
+            sim_log_block(log, &action->block);
+        break;
+    case SIM_TELL:
+        tell(machine, action->event, action->event == FB_MACHINE_ESTOP ? &estop : NULL);
+        break;
+    }
 }
 
 /* What the receiver asks for in turn is done when it has taken the event. */

@@ -1,0 +1,302 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The whole machine on loopback, commanded by an agent's session in the same main loop. */
+#include <math.h>
+#include <string.h>
+
+#include "sim/machine.h"
+#include "tests/unit/sim_rig.h"
+
+typedef struct {
+    Rig rig; /* its machine and tool table */
+    SimMachine *machine;
+    SimLog *log;
+    char *folder;
+    CfgAgent *agent;
+    FbSession *session;
+    int done[FB_TASK_COMMAND + 1]; /* tasks of each kind that have ended */
+    GError *error;                 /* of the last one */
+    int64_t shown_us, longest_us;  /* when the last status came; longest silence */
+} Cell;
+
+static void on_status(const FbStatus *status, void *data)
+{
+    (void)status;
+    Cell *cell = data;
+    int64_t now_us = g_get_monotonic_time();
+    if (cell->shown_us)
+        cell->longest_us = MAX(cell->longest_us, now_us - cell->shown_us);
+    cell->shown_us = now_us;
+}
+
+static void on_done(FbTask task, const GError *error, void *data)
+{
+    Cell *cell = data;
+    cell->done[task]++;
+    g_clear_error(&cell->error);
+    if (error)
+        cell->error = g_error_copy(error);
+}
+
+static void connect_agent(Cell *cell)
+{
+    g_autofree char *address =
+        g_strdup_printf("modbus://127.0.0.1:%u", sim_machine_port(cell->machine));
+    FbSessionCallbacks callbacks = {.status = on_status, .done = on_done, .data = cell};
+    cell->session = fb_session_new(address, 1, cell->agent, &callbacks, NULL, NULL);
+    g_assert_nonnull(cell->session);
+}
+
+static bool cell_init(Cell *cell, double speed)
+{
+    *cell = (Cell){0};
+    rig_init(&cell->rig, 1, 1);
+    g_autoptr(GError) error = NULL;
+    cell->rig.machine.program_memory_bytes = 64 << 20;
+    cell->rig.machine.agent_timeout_s = 0.5;
+    cell->folder = test_folder();
+    g_autofree char *path = g_build_filename(cell->folder, "log", NULL);
+    cell->log = sim_log_open(path, &error);
+    g_assert_no_error(error);
+    SimMachineOptions options = {.machine = &cell->rig.machine,
+                                 .tools = &cell->rig.table,
+                                 .host = "127.0.0.1",
+                                 .speed = speed,
+                                 .epoch = 7,
+                                 .log = cell->log};
+    cell->machine = sim_machine_new(&options, &error);
+    g_assert_no_error(error);
+    cell->agent = cfg_agent_default(&error);
+    g_assert_no_error(error);
+    if (!cell->machine || !cell->agent)
+        return false;
+    cell->agent->heartbeat_s = 0.02;
+    connect_agent(cell);
+    return cell->session != NULL;
+}
+
+static void cell_clear(Cell *cell)
+{
+    fb_session_free(cell->session);
+    cfg_agent_free(cell->agent);
+    sim_machine_free(cell->machine);
+    g_assert_true(sim_log_close(cell->log, NULL));
+    test_folder_remove(cell->folder);
+    g_clear_error(&cell->error);
+    rig_clear(&cell->rig);
+}
+
+static gboolean wake(void *data)
+{
+    (void)data;
+    return G_SOURCE_CONTINUE;
+}
+
+/* Serves both ends until the state is shown. */
+static bool wait_state(Cell *cell, FbState state)
+{
+    guint timer = g_timeout_add(10, wake, NULL);
+    int64_t end_us = g_get_monotonic_time() + 30000000;
+    while (fb_session_status(cell->session)->state != state && g_get_monotonic_time() < end_us)
+        g_main_context_iteration(NULL, TRUE);
+    g_source_remove(timer);
+    FbState reached = fb_session_status(cell->session)->state;
+    g_assert_cmpstr(fb_state_name(reached), ==, fb_state_name(state));
+    return reached == state;
+}
+
+static bool wait_done(Cell *cell, FbTask task)
+{
+    guint timer = g_timeout_add(10, wake, NULL);
+    int64_t end_us = g_get_monotonic_time() + 60000000;
+    int before = cell->done[task];
+    while (cell->done[task] == before && g_get_monotonic_time() < end_us)
+        g_main_context_iteration(NULL, TRUE);
+    g_source_remove(timer);
+    g_assert_cmpint(cell->done[task], ==, before + 1);
+    return cell->done[task] > before;
+}
+
+static void deliver(Cell *cell, const char *text, const uint64_t *gates, size_t n_gates)
+{
+    g_autoptr(GBytes) program = g_bytes_new(text, strlen(text));
+    const uint64_t end = strlen(text);
+    fb_session_deliver(cell->session, program, gates ? gates : &end, gates ? n_gates : 1);
+    wait_done(cell, FB_TASK_DELIVER);
+}
+
+/* Switched on and with a program. */
+static bool ready(Cell *cell, const char *text, const uint64_t *gates, size_t n_gates)
+{
+    sim_machine_press(cell->machine, SIM_ACKNOWLEDGE);
+    deliver(cell, text, gates, n_gates);
+    g_assert_no_error(cell->error);
+    return wait_state(cell, FB_STATE_READY);
+}
+
+static char *read_log(const Cell *cell)
+{
+    g_autofree char *path = g_build_filename(cell->folder, "log", NULL);
+    char *text = NULL;
+    g_file_get_contents(path, &text, NULL, NULL);
+    g_assert_nonnull(text);
+    return text;
+}
+
+static void run_twice(void)
+{
+    Cell cell;
+    if (cell_init(&cell, INFINITY)) {
+        for (uint64_t i = 1; i <= 2; i++) {
+            ready(&cell, "G21 G90\nT1 M6\nG53 G0 X10 F100\nG53 G1 X11\nG53 G0 X0\nM30\n", NULL, 0);
+            fb_session_start(cell.session);
+            wait_done(&cell, FB_TASK_RUN);
+            g_assert_no_error(cell.error);
+            FbStatus status = *fb_session_status(cell.session);
+            g_assert_cmpint(status.state, ==, FB_STATE_COMPLETE);
+            g_assert_cmpuint(status.executed_blocks, ==, 5 * i);
+            g_assert_cmpint(status.tool, ==, 1);
+            g_assert_cmpuint(status.epoch, ==, 7);
+        }
+        g_autofree char *summary = sim_machine_summary(cell.machine);
+        g_assert_nonnull(strstr(summary, "2 started, 2 completed, 0 aborted"));
+        g_assert_nonnull(strstr(summary, "blocks executed: 10\n"));
+        g_autofree char *log = read_log(&cell);
+        g_auto(GStrv) lines = g_strsplit(log, "\n", -1);
+        g_assert_true(g_str_has_prefix(lines[1], "{\"program\":\""));
+        /* IDLE, the program and READY; then RUNNING to COMPLETE, twice. */
+        g_assert_cmpuint(g_strv_length(lines), ==, 3 + 2 * (4 + 5) + 1);
+        for (int i = 0; i < 9 && g_strv_length(lines) > 20; i++)
+            g_assert_cmpstr(lines[3 + i], ==, lines[12 + i]);
+    }
+    cell_clear(&cell);
+}
+
+static void refused(void)
+{
+    Cell cell;
+    if (cell_init(&cell, INFINITY)) {
+        sim_machine_press(cell.machine, SIM_ACKNOWLEDGE);
+        deliver(&cell, "G21\nG33 Z1 K1\nM30\n", NULL, 0);
+        g_assert_error(cell.error, FB_ERROR, FB_ERROR_REFUSED);
+        if (cell.error)
+            g_assert_nonnull(strstr(cell.error->message, "line 2, column 1: G33"));
+        g_assert_cmpuint(fb_session_status(cell.session)->alarm_code, ==, SIM_ALARM_PROGRAM);
+        deliver(&cell, "(a very long comment)\nT77 M6\nM30\n", NULL, 0);
+        g_assert_error(cell.error, FB_ERROR, FB_ERROR_REFUSED);
+        deliver(&cell, "M30\n", NULL, 0);
+        g_assert_no_error(cell.error);
+        wait_state(&cell, FB_STATE_READY);
+        g_autofree char *summary = sim_machine_summary(cell.machine);
+        g_assert_nonnull(strstr(summary, "2 refused at VERIFY"));
+        g_autofree char *log = read_log(&cell);
+        g_assert_nonnull(strstr(log, "{\"refused\":101,\"text\":\"line 2, column 1: G33"));
+    }
+    cell_clear(&cell);
+}
+
+static void emergency_stop(void)
+{
+    Cell cell;
+    if (cell_init(&cell, 1) && ready(&cell, "G21 G90 G53 G1 X400 F600\nM30\n", NULL, 0)) {
+        fb_session_start(cell.session);
+        wait_state(&cell, FB_STATE_RUNNING);
+        sim_machine_press(cell.machine, SIM_ESTOP);
+        wait_done(&cell, FB_TASK_RUN);
+        g_assert_error(cell.error, FB_ERROR, FB_ERROR_ALARM);
+        g_assert_cmpint(fb_session_status(cell.session)->state, ==, FB_STATE_ESTOP);
+        g_assert_cmpuint(fb_session_status(cell.session)->alarm_code, ==, SIM_ALARM_ESTOP);
+        g_usleep(100000);
+        sim_machine_press(cell.machine, SIM_ACKNOWLEDGE);
+        wait_state(&cell, FB_STATE_READY);
+    }
+    cell_clear(&cell);
+}
+
+/* 10 mm in each line: the machine comes to rest behind one of them. */
+static void agent_lost(void)
+{
+    g_autoptr(GString) text = g_string_new("G21 G90 G64 P0.01 F6000\n");
+    uint64_t gates[40];
+    for (int i = 0; i < 40; i++) {
+        g_string_append_printf(text, "G53 G1 X%d\n", 10 * (i + 1));
+        gates[i] = text->len;
+    }
+    g_string_append(text, "M30\n");
+    gates[39] = text->len;
+    Cell cell;
+    if (cell_init(&cell, 1) && ready(&cell, text->str, gates, 40)) {
+        fb_session_start(cell.session);
+        wait_state(&cell, FB_STATE_RUNNING);
+        g_clear_pointer(&cell.session, fb_session_free);
+        connect_agent(&cell);
+        wait_state(&cell, FB_STATE_HELD);
+        FbStatus status = *fb_session_status(cell.session);
+        double rest = fabs(fmod(status.position_mm[0] + 5, 10) - 5);
+        g_assert_cmpfloat(rest, <, 1e-6);
+        g_assert_cmpfloat(status.position_mm[0], >, 30);
+        g_assert_true(status.agent_lost || status.needs_acknowledge);
+    }
+    cell_clear(&cell);
+}
+
+/* Neither examining nor executing a long program keeps the link waiting. */
+static void link_is_served(void)
+{
+    enum { LINES = 150000 };
+    g_autoptr(GString) text = g_string_new("G21 G90 G64 P0.01 F6000 G53 G1 X0.01\n");
+    for (int i = 0; i < LINES; i++)
+        g_string_append_printf(text, "G53 X%d.%d\n", i % 7, i % 9);
+    g_string_append(text, "M30\n");
+    Cell cell;
+    if (cell_init(&cell, INFINITY) && ready(&cell, text->str, NULL, 0)) {
+        fb_session_start(cell.session);
+        wait_state(&cell, FB_STATE_RUNNING);
+        fb_session_command(cell.session, FB_COMMAND_HOLD);
+        wait_state(&cell, FB_STATE_HELD);
+        uint64_t blocks = fb_session_status(cell.session)->executed_blocks;
+        g_assert_cmpuint(blocks, <, LINES);
+        fb_session_command(cell.session, FB_COMMAND_RESUME);
+        wait_done(&cell, FB_TASK_RUN);
+        g_assert_no_error(cell.error);
+        g_assert_cmpuint(fb_session_status(cell.session)->executed_blocks, ==, LINES + 2);
+        g_test_message("longest silence %.0f ms", (double)cell.longest_us / 1000);
+        g_assert_cmpint(cell.longest_us, <, 1000000);
+    }
+    cell_clear(&cell);
+}
+
+static void closed_while_examining(void)
+{
+    g_autoptr(GString) text = g_string_new("G21 G90 F600 G53 G1 X1\n");
+    for (int i = 0; i < 100000; i++)
+        g_string_append_printf(text, "G53 X%d\n", i % 7);
+    g_string_append(text, "M30\n");
+    Cell cell;
+    if (cell_init(&cell, INFINITY)) {
+        sim_machine_press(cell.machine, SIM_ACKNOWLEDGE);
+        g_autoptr(GBytes) program = g_bytes_new(text->str, text->len);
+        const uint64_t end = text->len;
+        fb_session_deliver(cell.session, program, &end, 1);
+        wait_state(&cell, FB_STATE_VERIFYING);
+        sim_machine_press(cell.machine, SIM_ESTOP);
+        wait_state(&cell, FB_STATE_ESTOP);
+        sim_machine_press(cell.machine, SIM_ACKNOWLEDGE);
+        g_assert_cmpint(fb_session_status(cell.session)->state, !=, FB_STATE_READY);
+    }
+    cell_clear(&cell); /* with the examination still under way */
+}
+
+static void add(void)
+{
+    g_test_add_func("/sim/machine/run-twice", run_twice);
+    g_test_add_func("/sim/machine/refused", refused);
+    g_test_add_func("/sim/machine/estop", emergency_stop);
+    g_test_add_func("/sim/machine/agent-lost", agent_lost);
+    g_test_add_func("/sim/machine/link-is-served", link_is_served);
+    g_test_add_func("/sim/machine/closed-while-examining", closed_while_examining);
+}
+
+int main(int argc, char **argv)
+{
+    return test_main(argc, argv, add);
+}
