@@ -3,11 +3,23 @@
 #include "nc/plan/estimate.h"
 #include "nc/plan/link.h"
 #include "nc/plan/order.h"
-#include "nc/plan/planner.h"
+#include "nc/plan/technology.h"
+#include "nc/toolpath/cover.h"
 
 /* Neighbouring passes end no further apart than this many steps. */
 #define DIRECT_STEPS 3
 
+/* More than this share of the region, left by the strategy, is noted. */
+#define LEFT_NOTED 0.001
+
+typedef struct {
+    NcOperation operation;
+    double left_mm2; /* reached by the tool, but not cut by the passes */
+} Trial;
+
+static Trial try_strategy(const NcPlanner *planner, const NcJob *job, const NcOperation *from,
+                          CfgStrategy strategy, const uint8_t *reached);
+static bool is_better(const Trial *a, const Trial *b, double area_mm2);
 static NcJob job_of(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool);
 static void finish(const NcPlanner *planner, const NcJob *job, NcCuts *cuts,
                    NcOperation *operation);
@@ -15,17 +27,72 @@ static void finish(const NcPlanner *planner, const NcJob *job, NcCuts *cuts,
 bool nc_planner_cut(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
                     NcOperation *operation, GError **error)
 {
-    (void)wish;
-    (void)error;
-    const CfgMachine *machine = planner->input->machine;
+    CfgStrategy strategy = wish ? wish->strategy : CFG_STRATEGY_AUTO;
+    bool parametric = nc_iso_parametric_can(region, planner->input->part);
+    if (strategy == CFG_STRATEGY_ISO_PARAMETRIC && !parametric) {
+        g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                    "[region.%s] strategy = iso-parametric: the region has no surfaces, only "
+                    "triangles; choose iso-planar",
+                    operation->region_name);
+        return false;
+    }
     NcJob job = job_of(planner, region, operation->tool);
-    double speed = operation->feed_mm_min / 60;
-    double turn_s = 4 * speed / fmin(machine->axis[0].max_mm_s2, machine->axis[1].max_mm_s2);
-    operation->strategy = CFG_STRATEGY_ISO_PLANAR;
-    operation->direction_rad = nc_iso_planar_direction(&job, operation->feed_mm_min, turn_s);
-    NcCuts cuts = nc_iso_planar(&job, operation->direction_rad);
-    finish(planner, &job, &cuts, operation);
+    g_autofree uint8_t *reached = g_new(uint8_t, region->n_samples + 1);
+    nc_reach(planner->terrain, region, &job.trace.body, planner->floor_mm,
+             planner->input->recipe->tolerance_mm, reached);
+
+    Trial best = {.left_mm2 = INFINITY};
+    if (strategy != CFG_STRATEGY_ISO_PARAMETRIC)
+        best = try_strategy(planner, &job, operation, CFG_STRATEGY_ISO_PLANAR, reached);
+    if (strategy != CFG_STRATEGY_ISO_PLANAR && parametric) {
+        Trial other = try_strategy(planner, &job, operation, CFG_STRATEGY_ISO_PARAMETRIC, reached);
+        if (is_better(&other, &best, region->area_mm2)) {
+            Trial swap = best;
+            best = other;
+            other = swap;
+        }
+        if (other.operation.path.locations)
+            g_array_unref(other.operation.path.locations);
+    }
+    *operation = best.operation;
+    operation->unreachable_area_mm2 += best.left_mm2;
+    if (best.left_mm2 > LEFT_NOTED * region->area_mm2)
+        g_ptr_array_add(planner->notes,
+                        g_strdup_printf("region %d '%s': %.4g mm² that the tool can reach are left "
+                                        "by %s passes",
+                                        operation->region, operation->region_name, best.left_mm2,
+                                        nc_strategy_name(operation->strategy)));
     return true;
+}
+
+static Trial try_strategy(const NcPlanner *planner, const NcJob *job, const NcOperation *from,
+                          CfgStrategy strategy, const uint8_t *reached)
+{
+    const CfgMachine *machine = planner->input->machine;
+    const CfgRecipe *recipe = planner->input->recipe;
+    Trial trial = {.operation = *from};
+    trial.operation.strategy = strategy;
+    NcCuts cuts;
+    if (strategy == CFG_STRATEGY_ISO_PARAMETRIC) {
+        cuts = nc_iso_parametric(job);
+    } else {
+        double speed = from->feed_mm_min / 60;
+        double turn_s = 4 * speed / fmin(machine->axis[0].max_mm_s2, machine->axis[1].max_mm_s2);
+        trial.operation.direction_rad = nc_iso_planar_direction(job, from->feed_mm_min, turn_s);
+        cuts = nc_iso_planar(job, trial.operation.direction_rad);
+    }
+    trial.left_mm2 = nc_cover_left_mm2(&job->trace, cuts.pieces,
+                                       recipe->scallop_mm + recipe->tolerance_mm, reached);
+    finish(planner, job, &cuts, &trial.operation);
+    return trial;
+}
+
+/* What covers more comes first; where both cover the same, what is faster. */
+static bool is_better(const Trial *a, const Trial *b, double area_mm2)
+{
+    if (fabs(a->left_mm2 - b->left_mm2) > NC_SUITS * area_mm2)
+        return a->left_mm2 < b->left_mm2;
+    return a->operation.estimated_s < b->operation.estimated_s;
 }
 
 static NcJob job_of(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool)

@@ -4,6 +4,10 @@
 #include "nc/toolpath/stepover.h"
 
 #define PLUNGE 0.4
+/* Ground up to half a degree off counts as level, or as a wall; a flat tool bears so much other. */
+#define SINE_LEVEL 0.0087
+#define COSINE_LEVEL 0.99996
+#define FLAT_SLANTING 0.02
 
 static double pass_length(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                           const uint8_t *reached);
@@ -17,44 +21,86 @@ NcReach nc_technology_reach(const NcPlanner *planner, const NcRegion *region, co
                     reached);
 }
 
-static bool suits_curvature(const CfgTool *tool, const NcRegion *region)
+/* What one tool does in a region. */
+typedef struct {
+    NcReach reach;
+    double left_mm2;  /* not reached because of the tool */
+    double floor_mm2; /* not reached because the tip would go below the part */
+    double length_mm; /* of its passes */
+    bool suits;       /* its kind and its corner do */
+} Trial;
+
+/* A flat end leaves steps on ground that is neither level nor a wall; a corner wider than the
+ * smallest concave radius leaves the valley. */
+static bool suits_form(const CfgTool *tool, const NcRegion *region, const uint8_t *reached)
 {
-    return tool->kind == CFG_TOOL_FLAT ||
-           nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + 1e-6);
+    if (tool->kind != CFG_TOOL_FLAT)
+        return nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + 1e-6);
+    double slanting = 0, all = 0;
+    for (size_t i = 0; i < region->n_samples; i++) {
+        double up = region->samples[i].normal.z;
+        all += reached[i];
+        slanting += reached[i] && up > SINE_LEVEL && up < COSINE_LEVEL;
+    }
+    return slanting <= FLAT_SLANTING * all;
+}
+
+static Trial try_tool(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool)
+{
+    g_autofree uint8_t *reached = g_new(uint8_t, region->n_samples + 1);
+    Trial trial = {.reach = nc_technology_reach(planner, region, tool, reached)};
+    trial.floor_mm2 = trial.reach.floor_mm2;
+    trial.left_mm2 = nc_reach_unreachable_mm2(&trial.reach) - trial.floor_mm2;
+    trial.length_mm = pass_length(planner, region, tool, reached);
+    trial.suits = suits_form(tool, region, reached);
+    return trial;
+}
+
+/* Drops the tools whose form does not suit, unless that drops all. */
+static void keep_suitable(Trial *trials, guint n)
+{
+    bool any = false;
+    for (guint i = 0; i < n; i++)
+        any |= trials[i].suits && isfinite(trials[i].length_mm);
+    for (guint i = 0; i < n && any; i++)
+        if (!trials[i].suits)
+            trials[i].length_mm = trials[i].left_mm2 = trials[i].floor_mm2 = INFINITY;
+}
+
+/* How much more of the region than the best tools each tool leaves beyond what a tool that suits
+ * may leave; 0 for those that suit. */
+static double excess_of(const Trial *trials, guint n, guint tool, double area_mm2)
+{
+    double left = INFINITY, floor_mm2 = INFINITY;
+    for (guint i = 0; i < n; i++) {
+        left = fmin(left, trials[i].left_mm2);
+        floor_mm2 = fmin(floor_mm2, trials[i].floor_mm2);
+    }
+    if (isinf(trials[tool].left_mm2))
+        return area_mm2;
+    return fmax(trials[tool].left_mm2 - left - NC_SUITS * area_mm2, 0) +
+           fmax(trials[tool].floor_mm2 - floor_mm2 - NC_SUITS_FLOOR * area_mm2, 0);
 }
 
 const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region, NcReach *reach)
 {
     g_autoptr(GPtrArray) tools = nc_planner_tools(planner, NULL);
-    g_autofree NcReach *each = g_new0(NcReach, tools->len + 1);
-    g_autofree uint8_t *reached = g_new(uint8_t, region->n_samples + 1);
-    g_autofree double *length = g_new(double, tools->len + 1);
-    double least = INFINITY;
-    bool curved = false;
-    for (guint i = 0; i < tools->len; i++) {
-        each[i] = nc_technology_reach(planner, region, tools->pdata[i], reached);
-        length[i] = pass_length(planner, region, tools->pdata[i], reached);
-        double left = nc_reach_unreachable_mm2(&each[i]);
-        if (left < least) {
-            least = left;
-            *reach = each[i];
-        }
-    }
-    double most = least + NC_SUITS * region->area_mm2;
+    g_autofree Trial *trials = g_new(Trial, tools->len + 1);
     for (guint i = 0; i < tools->len; i++)
-        curved |=
-            nc_reach_unreachable_mm2(&each[i]) <= most && suits_curvature(tools->pdata[i], region);
+        trials[i] = try_tool(planner, region, tools->pdata[i]);
+    keep_suitable(trials, tools->len);
     const CfgTool *best = NULL;
     double shortest = INFINITY;
+    *reach = trials[0].reach;
     for (guint i = 0; i < tools->len; i++) {
         const CfgTool *tool = tools->pdata[i];
-        if (nc_reach_unreachable_mm2(&each[i]) > most || (curved && !suits_curvature(tool, region)))
+        if (isinf(trials[i].length_mm) || excess_of(trials, tools->len, i, region->area_mm2) > 0)
             continue;
-        bool equal = best && fabs(length[i] - shortest) <= 1e-9 * shortest;
-        if (equal ? tool->diameter_mm > best->diameter_mm : length[i] < shortest) {
+        bool equal = best && fabs(trials[i].length_mm - shortest) <= 1e-9 * shortest;
+        if (equal ? tool->diameter_mm > best->diameter_mm : trials[i].length_mm < shortest) {
             best = tool;
-            shortest = length[i];
-            *reach = each[i];
+            shortest = trials[i].length_mm;
+            *reach = trials[i].reach;
         }
     }
     return best;
@@ -64,34 +110,26 @@ const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const 
                                       size_t n_regions, const NcRegion *whole, NcReach *reach)
 {
     g_autoptr(GPtrArray) tools = nc_planner_tools(planner, NULL);
-    g_autofree double *left = g_new0(double, n_regions * tools->len + 1);
-    g_autofree uint8_t *reached = g_new(uint8_t, whole->n_samples + 1);
-    for (size_t r = 0; r < n_regions; r++)
-        for (guint i = 0; i < tools->len; i++) {
-            NcReach one = nc_technology_reach(planner, regions[r], tools->pdata[i], NULL);
-            left[r * tools->len + i] = nc_reach_unreachable_mm2(&one);
-        }
-    /* In lexical order: regions not suited, then what is left where none suits all, then length. */
+    g_autofree Trial *trials = g_new(Trial, tools->len + 1);
+    g_autofree double *excess = g_new0(double, tools->len + 1);
+    for (size_t r = 0; r < n_regions; r++) {
+        for (guint i = 0; i < tools->len; i++)
+            trials[i] = try_tool(planner, regions[r], tools->pdata[i]);
+        keep_suitable(trials, tools->len);
+        for (guint i = 0; i < tools->len; i++)
+            excess[i] += excess_of(trials, tools->len, i, regions[r]->area_mm2);
+    }
     const CfgTool *best = NULL;
     double best_excess = INFINITY, best_length = INFINITY;
     for (guint i = 0; i < tools->len; i++) {
-        double excess = 0;
-        for (size_t r = 0; r < n_regions; r++) {
-            double least = INFINITY;
-            for (guint k = 0; k < tools->len; k++)
-                least = fmin(least, left[r * tools->len + k]);
-            double over = left[r * tools->len + i] - least;
-            excess += over > NC_SUITS * regions[r]->area_mm2 ? over : 0;
-        }
-        NcReach one = nc_technology_reach(planner, whole, tools->pdata[i], reached);
-        double length = pass_length(planner, whole, tools->pdata[i], reached);
-        if (!isfinite(length) || excess > best_excess ||
-            (excess == best_excess && length >= best_length))
+        Trial trial = try_tool(planner, whole, tools->pdata[i]);
+        if (isinf(trial.length_mm) || excess[i] > best_excess ||
+            (excess[i] == best_excess && trial.length_mm >= best_length))
             continue;
         best = tools->pdata[i];
-        best_excess = excess;
-        best_length = length;
-        *reach = one;
+        best_excess = excess[i];
+        best_length = trial.length_mm;
+        *reach = trial.reach;
     }
     return best;
 }
@@ -107,12 +145,13 @@ static double pass_length(const NcPlanner *planner, const NcRegion *region, cons
     for (size_t i = 0; i < region->n_samples; i++) {
         if (!reached[i])
             continue;
-        const NcFacet *facet = &region->facets[region->samples[i].facet];
+        const NcPatch *facet = &region->facets[region->samples[i].facet];
         SegVec3 n = facet->normal;
         double slope = hypot(n.x, n.y);
         SegVec3 up =
             slope > 0 ? seg_vec3(-n.x * n.z / slope, -n.y * n.z / slope, slope) : seg_vec3(1, 0, 0);
-        double step = nc_contact_step_mm(cutter, scallop, n, nc_bend_along(&facet->bend, up), up);
+        double step = nc_contact_step_mm(cutter, scallop, tool->max_depth_of_cut_mm, n,
+                                         nc_bend_along(&facet->bend, up), up);
         length += region->samples[i].area_mm2 / fmax(step, 1e-6);
         any = true;
     }

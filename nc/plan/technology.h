@@ -5,14 +5,17 @@
 
 #include "nc/plan/planner.h"
 
-/* A tool suits a region when it leaves at most this share of it more than the best tool does. */
+/* A tool suits a region when it leaves at most this share of it more than the best tool does, and,
+ * of what no tip may touch lest it goes below the part, at most the second: a smaller tool would
+ * gain no more there than a strip. */
 #define NC_SUITS 0.005
+#define NC_SUITS_FLOOR 0.1
 
 /*
- * The tool for a region: of the tools that suit it by their reach, and whose corner radius is not
- * larger than the smallest concave radius (where one is so small), the largest: the one whose
- * passes may lie furthest apart over the region for the scallop height. NULL where no tool reaches
- * anything; `reach` then, too, holds the best tool's.
+ * The tool for a region: of the tools that suit it by their reach and their form (flat ends only
+ * where the ground is level or a wall; corners not larger than the smallest concave radius, where
+ * there are such), the largest: the one whose passes may lie furthest apart over the region for the
+ * scallop height. NULL where no tool reaches anything.
  */
 const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region, NcReach *reach);
 

@@ -57,15 +57,6 @@ double nc_iso_planar_direction(const NcJob *job, double feed, double turn_s)
     return best;
 }
 
-double nc_iso_planar_left_mm2(const NcJob *job, const uint8_t *reached)
-{
-    double left = 0;
-    for (size_t i = 0; i < job->region->n_samples; i++)
-        if (reached[i] && job->region->samples[i].normal.z < WALL_UP)
-            left += job->region->samples[i].area_mm2;
-    return left;
-}
-
 /* The spacing each triangle of the part asks for; INFINITY outside of the region and on walls. */
 static double *needed_steps(const NcJob *job, SegVec3 across)
 {
@@ -82,11 +73,11 @@ static double *needed_steps(const NcJob *job, SegVec3 across)
     return needed;
 }
 
-/* How many times the first spacing is halved for ground that needs this step. */
+/* How many times the first spacing would be halved for ground that needs this step. */
 static int level_of(double first, double needed)
 {
     int level = 0;
-    while (level < LEVELS && needed < first * (1 - 1e-9)) {
+    while (level < 2 * LEVELS && needed < first * (1 - 1e-9)) {
         first /= 2;
         level++;
     }
@@ -164,6 +155,7 @@ static size_t lay_planes(const NcJob *job, const double *needed, double step, Pl
     u1 += beyond;
     v0 -= job->trace.body.cutter.radius_mm;
     v1 += job->trace.body.cutter.radius_mm;
+    levels = MIN(levels, LEVELS);
     double fine = ldexp(step, -levels);
     size_t n = (size_t)ceil((v1 - v0) / fine) + 1, stride = (size_t)1 << levels;
     planes->across = g_new(double, n);

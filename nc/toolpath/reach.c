@@ -22,6 +22,7 @@ NcBody nc_body(const CfgTool *tool, double leave_mm, double allowance_mm)
         .shank = {cutter.radius_mm + allowance_mm, 0},
         .holder = {tool->holder_diameter_mm / 2 + allowance_mm + HOLDER_CLEARANCE_MM, 0},
         .leave_mm = leave_mm,
+        .depth_mm = tool->max_depth_of_cut_mm,
         .shank_mm = tool->flute_length_mm + off,
         .holder_mm = tool->stickout_mm + off - HOLDER_CLEARANCE_MM,
     };

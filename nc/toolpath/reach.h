@@ -17,6 +17,7 @@ typedef struct {
     NcCutter shank;
     NcCutter holder;
     double leave_mm;
+    double depth_mm;  /* largest depth of cut */
     double shank_mm;  /* from the tip of the grown cutter up to the end of the flutes */
     double holder_mm; /* and to the holder's nose; both less the allowance */
 } NcBody;

@@ -152,6 +152,27 @@ static NcBend bend_of(const SegVec3 corner[3], const SegVec3 normal[3], SegVec3 
                     .zx = a * u.z * u.x + b * (u.z * v.x + u.x * v.z) + c * v.z * v.x};
 }
 
+/* A place on a curve that visits the cells of a 1024² grid so that neighbours on it are neighbours
+ * in the plane (Morton 1966), walls and downward ground apart. */
+static uint64_t order_of(const NcRegion *region, const NcPatch *facet)
+{
+    double size = fmax(fmax(region->max.x - region->min.x, region->max.y - region->min.y), 1e-9);
+    SegVec3 middle = seg_scale(seg_add(facet->a, seg_add(facet->b, facet->c)), 1.0 / 3);
+    uint64_t x = (uint64_t)((middle.x - region->min.x) / size * 1023);
+    uint64_t y = (uint64_t)((middle.y - region->min.y) / size * 1023);
+    uint64_t code = facet->downward ? 2 : facet->normal.z < NC_WALL_UP;
+    for (int bit = 9; bit >= 0; bit--)
+        code = code << 2 | (x >> bit & 1) << 1 | (y >> bit & 1);
+    return code;
+}
+
+static gint by_place(gconstpointer a, gconstpointer b, gpointer data)
+{
+    const NcPatch *p = a, *q = b;
+    uint64_t i = order_of(data, p), j = order_of(data, q);
+    return i != j ? (i > j) - (i < j) : (p->triangle > q->triangle) - (p->triangle < q->triangle);
+}
+
 /* Equal steps along the running sum of the areas choose the triangle, the golden-ratio sequence in
  * two dimensions (Roberts 2018) the place in it: even, and the same at every run. */
 static void sample_facets(NcRegion *region)
@@ -162,6 +183,9 @@ static void sample_facets(NcRegion *region)
         n = 0;
     region->samples = g_new(NcSample, n + 1);
     region->n_samples = n;
+    /* Alike facets side by side, or the steps would miss and hit them by chance. */
+    g_qsort_with_data(region->facets, (gint)region->n_facets, sizeof *region->facets, by_place,
+                      region);
     double passed = 0;
     for (size_t i = 0, f = 0; i < n; i++) {
         double at = region->area_mm2 * ((double)i + 0.5) / (double)n;
@@ -198,6 +222,6 @@ static void all_normals(NcRegion *region, const SegPart *part, const NcSetup *se
 static SegVec3 up_normal(SegVec3 a, SegVec3 b, SegVec3 c, bool *downward)
 {
     SegVec3 n = seg_unit(seg_cross(seg_sub(b, a), seg_sub(c, a)));
-    *downward = n.z < 0;
-    return n.z < 0 ? seg_scale(n, -1) : n;
+    *downward = n.z < -NC_WALL_UP;
+    return *downward ? seg_scale(n, -1) : n;
 }

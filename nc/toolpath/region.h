@@ -11,6 +11,10 @@
 
 #include "nc/nc.h"
 
+/* The part's own normal is turned only where it looks down by more than this sine: the outward side
+ * of a wall cannot be told from "up". */
+#define NC_WALL_UP 1e-3
+
 /* Curvature of a surface as a symmetric tensor: q·W·q is the normal curvature along the unit
  * tangent q, in 1/mm, positive where the surface is concave (bends towards the normal). */
 typedef struct {

@@ -1,6 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/toolpath/stepover.h"
 
+/* Sine of the rise across from which on passes run level along a wall. */
+#define WALL 0.99
+
 static double scallop_angle(double radius, double scallop, double rho, double side);
 static double flat_step(NcCutter tool, double scallop, SegVec3 normal, double sine_across);
 
@@ -52,11 +55,13 @@ double nc_plane_step_mm(NcCutter tool, double scallop, SegVec3 normal, const NcB
     return fmax(step, flat_step(tool, scallop, normal, tilt));
 }
 
-double nc_contact_step_mm(NcCutter tool, double scallop, SegVec3 normal, double curvature,
-                          SegVec3 across)
+double nc_contact_step_mm(NcCutter tool, double scallop, double depth, SegVec3 normal,
+                          double curvature, SegVec3 across)
 {
     double r = tool.corner_radius_mm;
     double step = r > 0 ? nc_ball_contact_step_mm(r, scallop, curvature) : 0;
+    if (fabs(across.z) > WALL)
+        step = fmax(step, fmin(depth, scallop / fmax(fabs(normal.z), 1e-9)));
     /* The tool's axis stands upright, so the slope across is that of the tangent. */
     return fmax(step, flat_step(tool, scallop, normal, fabs(across.z)));
 }

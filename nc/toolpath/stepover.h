@@ -28,8 +28,12 @@ double nc_ball_centre_step_mm(double radius_mm, double scallop_mm, double curvat
 double nc_plane_step_mm(NcCutter tool, double scallop_mm, SegVec3 normal, const NcBend *bend,
                         SegVec3 across);
 
-/* The same for contacts: the distance along the surface in the tangent direction `across`. */
-double nc_contact_step_mm(NcCutter tool, double scallop_mm, SegVec3 normal, double curvature,
-                          SegVec3 across);
+/*
+ * The same for contacts: the distance along the surface in the tangent direction `across`. On walls
+ * the side of the tool cuts above its corner: steps down a wall leaning back by δ leave cusps of
+ * step·sin δ, and may not be deeper than the tool's depth of cut, `depth_mm`.
+ */
+double nc_contact_step_mm(NcCutter tool, double scallop_mm, double depth_mm, SegVec3 normal,
+                          double curvature, SegVec3 across);
 
 #endif

@@ -31,8 +31,15 @@ NcCuts nc_iso_planar(const NcJob *job, double direction_rad);
 /* The direction that promises the least cutting and turning time, and that time. */
 double nc_iso_planar_direction(const NcJob *job, double feed_mm_min, double turn_s);
 
-/* Area of the region that iso-planar passes cannot finish: walls, where no plane touches more than
- * their edge. */
-double nc_iso_planar_left_mm2(const NcJob *job, const uint8_t *reached);
+/*
+ * Iso-parametric: on each face lines of one parameter of its surface, the one that gives the
+ * shorter path, clipped by the trimming loops; stepped so that the scallop holds at the worst of 48
+ * places along the line, but by no less than 1/8 of what the median of them allows. The cutter
+ * touches the surface at right angles, and is lifted where it would enter the part elsewhere.
+ */
+NcCuts nc_iso_parametric(const NcJob *job);
+
+/* Have all pieces of the region a surface? */
+bool nc_iso_parametric_can(const NcRegion *region, const SegPart *part);
 
 #endif
