@@ -196,8 +196,9 @@ typedef struct {
 NcProgram *nc_program_write(const NcPlan *plan, const CfgRecipe *recipe, const CfgMachine *machine,
                             char *const *header, GError **error);
 
-/* Finds the gates of a program that segmill, or anyone, wrote: the blocks after which the tool is
- * at or above the program's highest Z, or retracted by G28/G53. */
+/* Finds the gates of a program that segmill, or anyone, wrote: the blocks that bring the tip to the
+ * program's highest Z, where that is reached by G0, or raise it by G28 or G53. Reads the whole
+ * program: errors as nc_read_program. */
 NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
                                  const CfgToolTable *tools, GError **error);
 void nc_program_free(NcProgram *program);

@@ -17,7 +17,8 @@ typedef struct {
 typedef struct {
     GArray *ends; /* BlockEnd */
     const GArray *moves;
-    double highest_mm; /* of the tip, programmed without G53 or G28 */
+    double highest_mm;       /* of the tip, where Z is programmed without G53 or G28 */
+    double highest_rapid_mm; /* the same by G0 */
 } Survey;
 
 static void survey_block(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
@@ -54,7 +55,7 @@ NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
     g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(machine, tools);
     g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
     g_autoptr(GArray) ends = g_array_new(FALSE, FALSE, sizeof(BlockEnd));
-    Survey survey = {ends, moves, -INFINITY};
+    Survey survey = {ends, moves, -INFINITY, -INFINITY};
     if (!nc_read_blocks(interpreter, text, length, moves, survey_block, &survey, error)) {
         return NULL;
     }
@@ -81,21 +82,26 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
         done.moved = done.moved || names_z || move->to.z != move->from.z;
         done.raised = machine_z && names_z && move->to.z >= move->from.z;
         if (names_z && !machine_z) {
-            survey->highest_mm = fmax(survey->highest_mm, move->to.z - modal->tool_length_mm);
+            survey->highest_mm = fmax(survey->highest_mm, done.tip_mm);
+            if (move->kind == NC_MOVE_RAPID) {
+                survey->highest_rapid_mm = fmax(survey->highest_rapid_mm, done.tip_mm);
+            }
         }
     }
     g_array_append_val(survey->ends, done);
 }
 
-/* A gate opens where a stretch of clear blocks begins; the last one is the program's length. */
+/* A gate opens where a stretch of clear blocks begins; the last one is the program's length. A
+ * height that is only reached by feed may be the work's. */
 static void find_gates(const Survey *survey, uint64_t length, GArray *gates)
 {
     bool clear = false;
+    double height = survey->highest_rapid_mm >= survey->highest_mm ? survey->highest_mm : INFINITY;
     for (guint i = 0; i < survey->ends->len; i++) {
         const BlockEnd *block = &g_array_index(survey->ends, BlockEnd, i);
         bool was_clear = clear;
         if (block->moved) {
-            clear = block->raised || block->tip_mm >= survey->highest_mm - 1e-6;
+            clear = block->raised || block->tip_mm >= height - 1e-6;
         }
         if (clear && !was_clear && block->end < length) {
             g_array_append_val(gates, block->end);
