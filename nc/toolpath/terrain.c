@@ -57,7 +57,7 @@ NcTerrain *nc_terrain_new(const SegVec3 *vertices, size_t n_vertices, const int3
         int32_t id = places[i].triangle;
         terrain->facets[i] = facet_new(vertices, triangles[id], id);
     }
-    terrain->nodes = aligned_alloc(64, count_nodes(n_triangles) * sizeof(NcNode));
+    terrain->nodes = aligned_alloc(_Alignof(NcNode), count_nodes(n_triangles) * sizeof(NcNode));
     g_assert(terrain->nodes);
     add_node(terrain, 0, n_triangles);
     return terrain;
@@ -229,7 +229,7 @@ static int32_t add_node(NcTerrain *terrain, size_t first, size_t n)
     NcNode *node = &terrain->nodes[index];
     *node = (NcNode){0};
     for (int i = 0; i < NC_WIDTH; i++)
-        node->lo_x[i] = node->hi_x[i] = INFINITY;
+        node->top[i] = -INFINITY;
     size_t capacity = child_capacity(n), at = 0;
     for (int i = 0; at < n; i++, at += capacity) {
         size_t part = MIN(capacity, n - at);

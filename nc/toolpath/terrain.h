@@ -26,9 +26,9 @@ typedef struct {
 } NcFacet;
 
 /* Per child: box in (x,y); a plane z + slope·up·(q - (lo_x, lo_y)) above all its points, and the
- * highest point. A missing child has lo_x = INFINITY. */
+ * highest point. A missing child has top = -INFINITY. */
 typedef struct {
-    double lo_x[NC_WIDTH], hi_x[NC_WIDTH], lo_y[NC_WIDTH], hi_y[NC_WIDTH];
+    _Alignas(64) double lo_x[NC_WIDTH], hi_x[NC_WIDTH], lo_y[NC_WIDTH], hi_y[NC_WIDTH];
     double z[NC_WIDTH], slope[NC_WIDTH], slope_sin[NC_WIDTH], up_x[NC_WIDTH], up_y[NC_WIDTH];
     double top[NC_WIDTH];
     int32_t child[NC_WIDTH]; /* a node, or ~facet */
