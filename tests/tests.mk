@@ -5,6 +5,9 @@
 UNIT      = $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/unit/*.c)))
 BENCH     = $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(sort $(wildcard tests/bench/*.c)))
 FUZZ      = $(patsubst tests/fuzz/%.c,$(BUILD)/fuzz/%,$(sort $(wildcard tests/fuzz/*.c)))
+JUDGES    = $(patsubst tests/judges/%.cc,$(BUILD)/judges/%,$(sort $(wildcard tests/judges/*.cc)))
+PARTS     = $(addprefix $(BUILD)/parts/,p0_piece.igs impeller.igs blade.igs analytic.igs \
+              analytic_inch.igs analytic_metre.igs analytic.step)
 TEST_LIB  = $(patsubst %.c,$(BUILD)/%.o,$(sort $(wildcard tests/lib/*.c)))
 TEST_DATA = $(or $(SEGMILL_TEST_DATA),../shared/data)
 PROVE     = BUILD=$(BUILD) SEGMILL_TEST_DATA=$(TEST_DATA) prove --timer
@@ -94,10 +97,19 @@ $(BUILD)/fuzz/%: $(BUILD)/tests/fuzz/%.o $(filter %.o,$(FUZZ_MAIN)) $(LIBS)
 	$(LINK) $(filter-out %.o,$(FUZZ_MAIN))
 
 # A judge is a program around a library that we did not write, for the tests to ask.
-JUDGES = $(patsubst tests/judges/%.cc,$(BUILD)/judges/%,$(sort $(wildcard tests/judges/*.cc)))
 $(BUILD)/judges/%: $(BUILD)/tests/judges/%.o
 	$(call say,LD,$@)
 	$(Q)mkdir -p $(@D) && $(CXX) -o $@ $^ $(OCC_LIBS)
+
+# The test parts: one program of ours writes them all, the same bytes each time.
+PARTS_OBJ = $(patsubst %.cc,$(BUILD)/%.o,$(sort $(wildcard tests/parts/*.cc))) \
+            $(addprefix $(BUILD)/segcore/occ/,write_iges.o cad_file.o)
+$(BUILD)/parts/make_parts: $(PARTS_OBJ)
+	$(call say,LD,$@)
+	$(Q)mkdir -p $(@D) && $(CXX) -o $@ $^ $(OCC_LIBS) -lcrypto
+$(PARTS) &: $(BUILD)/parts/make_parts
+	$(call say,PARTS,$(@D))
+	$(Q)$< $(@D)
 
 .PHONY: papers
 papers: all  ## the papers' experiments: their figures, ours, what is not reached
