@@ -151,7 +151,7 @@ static bool is_answered(const FbDelivery *d)
 {
     const FbStatus *s = &d->status;
     return s->command_session == d->options.session && s->command_seq == d->order.seq &&
-           s->answer != FB_ANSWER_NONE && s->answer != FB_ANSWER_CRC;
+           s->answer != FB_ANSWER_NONE;
 }
 
 static bool show_now(const FbDelivery *d, const FbStatus *before, int64_t now_us)
@@ -201,7 +201,8 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
         return;
     }
     const FbStatus *s = &d->status;
-    if (d->request.kind == FB_REQUEST_COMMAND && s->answer != FB_ANSWER_CRC &&
+    const bool damaged = d->request.kind == FB_REQUEST_COMMAND && s->command_session == 0;
+    if (d->request.kind == FB_REQUEST_COMMAND && !damaged &&
         (s->command_session != d->options.session || s->command_seq != d->order.seq)) {
         break_link(d, "an answer to another command", now_us, out);
         return;
@@ -210,7 +211,6 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
     d->fresh = true;
     d->again_us = now_us;
     if (d->request.kind == FB_REQUEST_COMMAND) {
-        const bool damaged = s->answer == FB_ANSWER_CRC;
         count_damage(d, !damaged);
         if (damaged && d->finishing)
             d->leased = false; /* it will lapse */

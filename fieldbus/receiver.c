@@ -303,9 +303,11 @@ static Record *find_record(FbReceiver *r, uint32_t session)
 static FbAnswer take_order(FbReceiver *r, const uint8_t *bytes, size_t n, int64_t now_us,
                            GArray *actions)
 {
-    FbOrder o = {0};
+    FbOrder o;
     FbAnswer answer = fb_wire_get_order(bytes, n, &o);
-    r->last = (Record){.session = o.session, .seq = o.seq, .command = o.command, .answer = answer};
+    r->last = (Record){.session = o.session, .seq = o.seq, .answer = answer};
+    if (o.command < FB_N_COMMANDS)
+        r->last.command = o.command;
     if (answer != FB_ANSWER_DONE)
         return answer;
     hear_agent(r, o.session, o.token, now_us);

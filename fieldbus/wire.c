@@ -232,22 +232,26 @@ size_t fb_wire_put_order(uint8_t *out, const FbOrder *o)
 
 FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *o)
 {
+    *o = (FbOrder){0};
     if (n < FB_COMMAND_BYTES)
         return FB_ANSWER_MALFORMED;
-    const uint8_t *p = in;
-    *o = (FbOrder){.session = get32(&p)};
+    const uint8_t *p = in + FB_COMMAND_BYTES - 6;
+    const size_t arguments = get16(&p);
+    const uint32_t crc = get32(&p);
+    if (n != FB_COMMAND_BYTES + arguments)
+        return FB_ANSWER_MALFORMED;
+    if (crc != crc_around(in, FB_COMMAND_BYTES - 4, arguments))
+        return FB_ANSWER_CRC;
+    p = in;
+    o->session = get32(&p);
     o->seq = get32(&p);
     o->epoch = get32(&p);
     o->transfer = get32(&p);
     o->token = get64(&p);
     o->command = (FbCommand)get16(&p);
-    const size_t arguments = get16(&p);
-    o->crc = get32(&p);
+    o->crc = crc;
+    p = in + FB_COMMAND_BYTES;
     const size_t expected = o->command == FB_COMMAND_OPEN ? FB_OPEN_BYTES : 0;
-    if (n != FB_COMMAND_BYTES + arguments)
-        return FB_ANSWER_MALFORMED;
-    if (o->crc != crc_around(in, FB_COMMAND_BYTES - 4, arguments))
-        return FB_ANSWER_CRC;
     if (arguments != expected || o->command == FB_COMMAND_NONE || o->command >= FB_N_COMMANDS ||
         o->session == 0 || o->seq == 0)
         return FB_ANSWER_MALFORMED;

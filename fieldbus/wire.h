@@ -76,8 +76,8 @@ bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *status);
  * `status`. */
 bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *status);
 
-/* FB_ANSWER_DONE, _MALFORMED or _CRC; after MALFORMED the result is not usable, after CRC not true.
- */
+/* FB_ANSWER_DONE, _MALFORMED or _CRC. An order is all zero after a wrong size or CRC; with these
+ * right and MALFORMED its session and number are the sender's. */
 FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *order);
 FbAnswer fb_wire_get_chunk(const uint8_t *in, size_t n, FbChunk *chunk);
 FbAnswer fb_wire_get_beat(const uint8_t *in, size_t n, FbBeat *beat);
