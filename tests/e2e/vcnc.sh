@@ -1,0 +1,162 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# vcnc as a program: options, exit statuses, port line, signals, the person at the machine, the log.
+cd "$(dirname "$0")/../.." || exit 1
+vcnc=${BUILD:-build}/vcnc
+machine=config/etc/machine.ini
+dir=$(mktemp -d)
+pid=
+trap '[ -z "$pid" ] || kill "$pid" 2>/dev/null; rm -rf "$dir"' EXIT
+
+count=0
+ok() { # ok DESCRIPTION COMMAND…
+    local what=$1
+    shift
+    count=$((count + 1))
+    if "$@" >"$dir/said" 2>&1; then
+        echo "ok $count - $what"
+    else
+        echo "not ok $count - $what"
+        sed 's/^/# /' "$dir/said"
+    fi
+}
+skip() { # skip DESCRIPTION REASON
+    count=$((count + 1))
+    echo "ok $count - $1 # SKIP $2"
+}
+
+# Starts vcnc with a person at the machine on descriptor 7; sets pid, port and start_ms.
+start() {
+    mkfifo "$dir/person.$((++starts))"
+    rm -f "$dir/out"
+    local began=$EPOCHREALTIME
+    "$vcnc" --machine "$machine" --modbus 127.0.0.1:0 "$@" <"$dir/person.$starts" \
+        >"$dir/out" 2>"$dir/err" &
+    pid=$!
+    exec 7>"$dir/person.$starts"
+    for ((i = 0; i < 500; i++)); do
+        grep -qs '^modbus ' "$dir/out" && break
+        sleep 0.01
+    done
+    local now=$EPOCHREALTIME
+    start_ms=$(((${now/./} - ${began/./}) / 1000))
+    port=$(sed -n '1s/^modbus 127\.0\.0\.1:\([0-9]*\)$/\1/p' "$dir/out")
+}
+stop() { # stop SIGNAL; sets status
+    kill -s "$1" "$pid"
+    wait "$pid"
+    status=$?
+    pid=
+    exec 7>&-
+}
+state() {
+    mbpoll -m tcp -a 1 -0 -r 1 -c 1 -t 4 -p "$port" -1 127.0.0.1 | sed -n 's/^\[1\]:[[:space:]]*//p'
+}
+state_is() { # within 2 s
+    local shown
+    for ((i = 0; i < 20; i++)); do
+        shown=$(state)
+        [ "$shown" = "$1" ] && return
+        sleep 0.1
+    done
+    echo "state $shown, expected $1"
+    return 1
+}
+exits() { # exits STATUS WORD ARGUMENT…: says WORD on stderr, nothing on stdout
+    local expected=$1 word=$2 got
+    shift 2
+    timeout 5 "$vcnc" "$@" </dev/null >"$dir/stdout" 2>"$dir/stderr"
+    got=$?
+    cat "$dir/stderr"
+    [ "$got" = "$expected" ] && [ ! -s "$dir/stdout" ] && grep -q -e "$word" "$dir/stderr"
+}
+
+ok "unknown option" exits 2 --can --machine "$machine" --can vcan0
+ok "no machine" exits 2 --machine
+ok "stray argument" exits 2 stray --machine "$machine" stray
+for speed in 0 -1 nan inf 1x ''; do
+    ok "speed \"$speed\"" exits 2 --speed --machine "$machine" --speed "$speed"
+done
+ok "port out of range" exits 2 --modbus --machine "$machine" --modbus 127.0.0.1:70000
+ok "no such machine file" exits 3 absent.ini --machine "$dir/absent.ini"
+printf '[machine]\nnmae = x\n' >"$dir/bad.ini"
+ok "bad machine file" exits 3 nmae --machine "$dir/bad.ini"
+printf '[tools]\nfile = absent.ini\n' >"$dir/toolless.ini"
+ok "no tool table" exits 3 absent.ini --machine "$dir/toolless.ini"
+ok "log that cannot be written" exits 1 "$dir/no/log" --machine "$machine" --log "$dir/no/log"
+ok "help" sh -c "'$vcnc' --help | grep -q -e --speed"
+
+start
+ok "says its port" test -n "$port"
+ok "starts in 0.2 s (took $start_ms ms; asserted ten times looser)" test "$start_ms" -lt 2000
+ok "a port in use" exits 1 "$port" --machine "$machine" --modbus "127.0.0.1:$port"
+if command -v mbpoll >/dev/null; then
+    ok "OFF until acknowledged" state_is 0
+    echo ack >&7
+    ok "ack: IDLE" state_is 1
+    echo estop >&7
+    ok "estop: ESTOP" state_is 13
+    echo ack >&7
+    ok "ack: IDLE again" state_is 1
+else
+    skip "states over Modbus" "mbpoll is absent"
+    echo ack >&7
+fi
+echo dance >&7
+exec 7>&-
+sleep 0.2
+ok "an unknown word of the person is named" grep -q dance "$dir/err"
+ok "lives on when standard input ends" kill -0 "$pid"
+stop TERM
+ok "SIGTERM: status 0" test "$status" = 0
+ok "SIGTERM: summary" grep -q '^programs: 0 started' "$dir/out"
+start
+stop INT
+ok "SIGINT: status 0 and a summary" sh -c "[ $status = 0 ] && grep -q '^machine time: 0.000 s' '$dir/out'"
+
+cat >"$dir/part.ngc" <<'NGC'
+G17 G21 G40 G49 G80 G90 G91.1 G94 G64 P0.01
+T2 M6
+S6000 M3
+(REGION 1 convex tool=2 feed=3000)
+G53 G0 X-30 Y-20 Z-5
+G53 G1 X-40 F3000
+G91 G2 X10 Y10 I10
+G90 G4 P0.25
+M5
+G53 G0 Z0
+M30
+NGC
+run() { # run SPEED LOG: delivers and executes; sets status
+    start --speed "$1" --log "$2"
+    echo ack >&7
+    sleep 0.1
+    ok "delivered and executed at --speed $1" sh -c \
+        "python3 tests/e2e/deliver.py $port '$dir/part.ngc' | grep -x 'COMPLETE 9'"
+    stop TERM
+    ok "--speed $1: summary counts it" grep -q '1 started, 1 completed' "$dir/out"
+}
+run max "$dir/max.log"
+run 40 "$dir/40.log"
+ok "logs of both speeds are byte-identical" cmp "$dir/max.log" "$dir/40.log"
+ok "the log has every block" sh -c "grep -c '\"line\"' '$dir/max.log' | grep -x 9"
+printf 'G33 Z1 K1\nM30\n' >"$dir/wrong.ngc"
+start --log "$dir/wrong.log"
+echo ack >&7
+sleep 0.1
+ok "an unknown word is refused" sh -c \
+    "python3 tests/e2e/deliver.py $port '$dir/wrong.ngc' | grep -x 'LOADING 0'"
+ok "and named" grep -q 'alarm 101: line 1, column 1: G33' "$dir/err"
+stop TERM
+if python3 -c 'import jsonschema' 2>/dev/null; then
+    ok "the logs match their schema" python3 - "$dir/max.log" "$dir/wrong.log" <<'PY'
+import json, sys, jsonschema
+schema = json.load(open("docs/schema/vcnc-log.json"))
+for name in sys.argv[1:]:
+    for line in open(name):
+        jsonschema.validate(json.loads(line), schema)
+PY
+else
+    skip "the logs match their schema" "python3-jsonschema is absent"
+fi
+echo "1..$count"
