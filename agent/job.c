@@ -284,7 +284,8 @@ void agent_job_describe(const AgentJob *job, AgentJson *result)
     agent_json_object(result, "seconds");
     agent_json_number(result, "read", job->read_s);
     agent_json_number(result, "segment", job->segment_s);
-    agent_json_number(result, "plan", job->plan_s);
+    if (job->plan)
+        agent_json_number(result, "plan", job->plan_s);
     agent_json_number(result, "write", job->write_s);
     agent_json_end(result);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* plan.json: docs/schema/plan.schema.json. */
+/* plan.json: docs/schema/plan.json. */
 #ifndef AGENT_OUT_PLAN_JSON_H
 #define AGENT_OUT_PLAN_JSON_H
 

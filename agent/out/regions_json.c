@@ -57,6 +57,28 @@ static void write_region(AgentJson *json, const SegPart *part, const SegRegion *
     agent_json_end(json);
 }
 
+static void write_loop(AgentJson *json, const SegLoopPolygon *loop)
+{
+    agent_json_row(json, NULL);
+    for (size_t k = 0; k < loop->n; k++) {
+        agent_json_row(json, NULL);
+        agent_json_number(json, NULL, loop->uv[k][0]);
+        agent_json_number(json, NULL, loop->uv[k][1]);
+        agent_json_end(json);
+    }
+    agent_json_end(json);
+}
+
+/* A piece without loops is the whole face: then the face's own loops bound it. */
+static void write_face_loops(AgentJson *json, const SegPart *part, const SegFace *face)
+{
+    for (int32_t i = 0; i < face->n_loops; i++) {
+        SegLoopPolygon loop = seg_loop_polygon(part, face->first_loop + i, part->chord_mm);
+        write_loop(json, &loop);
+        g_free(loop.uv);
+    }
+}
+
 static void write_piece(AgentJson *json, const SegPart *part, const SegPiece *piece)
 {
     int32_t entity = part->faces[piece->face].iges_de;
@@ -67,17 +89,10 @@ static void write_piece(AgentJson *json, const SegPart *part, const SegPiece *pi
     else
         agent_json_string(json, "iges_de", NULL);
     agent_json_array(json, "loops_uv");
-    for (size_t i = 0; i < piece->n_loops; i++) {
-        const SegLoopPolygon *loop = &piece->loops[i];
-        agent_json_row(json, NULL);
-        for (size_t k = 0; k < loop->n; k++) {
-            agent_json_row(json, NULL);
-            agent_json_number(json, NULL, loop->uv[k][0]);
-            agent_json_number(json, NULL, loop->uv[k][1]);
-            agent_json_end(json);
-        }
-        agent_json_end(json);
-    }
+    for (size_t i = 0; i < piece->n_loops; i++)
+        write_loop(json, &piece->loops[i]);
+    if (piece->n_loops == 0)
+        write_face_loops(json, part, &part->faces[piece->face]);
     agent_json_end(json);
     agent_json_end(json);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* regions.json: docs/schema/regions.schema.json. */
+/* regions.json: docs/schema/regions.json. */
 #ifndef AGENT_OUT_REGIONS_JSON_H
 #define AGENT_OUT_REGIONS_JSON_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* run.json: docs/schema/run.schema.json. */
+/* run.json: docs/schema/run.json. */
 #ifndef AGENT_OUT_RUN_JSON_H
 #define AGENT_OUT_RUN_JSON_H
 
