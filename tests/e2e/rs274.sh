@@ -1,0 +1,86 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# LinuxCNC's own stand-alone interpreter, from Debian's package unpacked beside the build, reads the
+# programs of tests/gcode and those that the writer's test writes; what it says must agree with our
+# interpreter. Skips where the package cannot be had. Its output for tests/gcode is what is kept in
+# the tree: tests/e2e/rs274.sh --update writes it anew.
+set -u
+build=$(realpath -m "${BUILD:-build}")
+judge=$build/judges/linuxcnc
+here=$PWD
+
+# Only what the interpreter needs: the package is a whole control system.
+unpack() {
+    local package=$1
+    shift
+    timeout 60 apt-get download "$package" >/dev/null 2>&1 || return
+    dpkg --fsys-tarfile "$package"_*.deb | tar -x --wildcards "$@"
+    rm -f "$package"_*.deb
+}
+
+fetch() {
+    [ -x "$judge/usr/bin/rs274" ] && return
+    mkdir -p "$judge" && cd "$judge" || return
+    unpack libedit2 './usr/lib/*.so*' &&
+        unpack libpython3.11 './usr/lib/*.so*' &&
+        unpack libboost-python1.74.0 './usr/lib/*.so*' &&
+        unpack linuxcnc-uspace './usr/lib/lib*.so*' './usr/bin/rs274'
+    cd "$here" || return
+    [ -x "$judge/usr/bin/rs274" ]
+}
+
+export LD_LIBRARY_PATH=$judge/usr/lib:$judge/usr/lib/$(uname -m)-linux-gnu
+
+# PROGRAM OUTPUT: the canonical calls; fails where LinuxCNC refuses the program.
+ask() {
+    local variables
+    variables=$(mktemp) || return
+    cp tests/gcode/machine.var "$variables"
+    "$judge/usr/bin/rs274" -t tests/gcode/tools.tbl -v "$variables" -g "$1" 2>"$2.log" |
+        awk '{ $1 = ""; print substr($0, 2) }' >"$2"
+    local status=${PIPESTATUS[0]}
+    rm -f "$variables" "$variables.bak"
+    return "$status"
+}
+
+skip() {
+    echo "1..0 # SKIP $1"
+    exit 0
+}
+
+command -v apt-get >/dev/null || skip "no apt-get to fetch LinuxCNC's interpreter with"
+fetch || skip "Debian's linuxcnc-uspace cannot be downloaded"
+ldd "$judge/usr/bin/rs274" | grep -q 'not found' && skip "rs274 lacks a library of this system"
+
+if [ "${1-}" = --update ]; then
+    for program in tests/gcode/*.ngc; do
+        ask "$program" "${program%.ngc}.expected" || exit 1
+        rm -f "${program%.ngc}.expected.log"
+    done
+    exit 0
+fi
+
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cp tests/gcode/*.ngc "$folder"
+SEGMILL_GCODE_OUT=$folder "$build/tests/nc_gcode_write" >"$folder/log" 2>&1
+
+programs=("$folder"/*.ngc)
+echo "1..$((${#programs[@]} + 2))"
+n=0
+result() { # GOOD DESCRIPTION
+    n=$((n + 1))
+    [ "$1" = 0 ] && echo "ok $n - $2" || echo "not ok $n - $2"
+}
+for program in "${programs[@]}"; do
+    name=$(basename "$program")
+    ask "$program" "${program%.ngc}.expected"
+    result $? "LinuxCNC reads $name"
+    sed 's/^/# /' "${program%.ngc}.expected.log" | grep -v '# executing' || true
+done
+[ -e "$folder/regions.ngc" ] && [ -e "$folder/random.ngc" ]
+result $? "the writer's programs are among them"
+SEGMILL_GCODE=$folder "$build/tests/nc_gcode_conformance" -p /nc/gcode/conformance/own \
+    >"$folder/log" 2>&1
+result $? "and understands them as we do"
+grep '^#' "$folder/log" | head -n 60
