@@ -63,9 +63,8 @@ static bool centre_from_offsets(const NcBlock *block, const NcModal *modal, Vec2
     double difference = fabs(r_from - r_to), largest = MAX(r_from, r_to);
     double tolerance =
         modal->unit_mm > 1.0 ? RADIUS_TOLERANCE_INCH * NC_MM_PER_INCH : RADIUS_TOLERANCE_MM;
-    if (MIN(r_from, r_to) < SMALLEST_RADIUS_MM) {
+    if (MIN(r_from, r_to) < SMALLEST_RADIUS_MM)
         return nc_word_error(error, modal->line, arc_word(block), "has an arc of radius zero");
-    }
     if (difference > RADIUS_TOLERANCE_LARGEST * tolerance ||
         (difference > tolerance && difference > RADIUS_TOLERANCE_RELATIVE * largest)) {
         return nc_word_error(error, modal->line, arc_word(block),
@@ -104,9 +103,8 @@ bool nc_arc_centre(const NcBlock *block, const NcModal *modal, SegVec3 from, Seg
     Vec2 shift2 = {*nc_axis(&shift, axes.first), *nc_axis(&shift, axes.second)};
     Vec2 found = from2;
     if (!(r ? centre_from_radius(block, modal, from2, to2, &found, error)
-            : centre_from_offsets(block, modal, from2, to2, shift2, a, b, &found, error))) {
+            : centre_from_offsets(block, modal, from2, to2, shift2, a, b, &found, error)))
         return false;
-    }
     *centre = from;
     *nc_axis(centre, axes.first) = found.a;
     *nc_axis(centre, axes.second) = found.b;

@@ -5,6 +5,22 @@
 /* LinuxCNC takes four M words in a block. */
 enum { MAX_M_WORDS = 4 };
 
+static bool sort_words(NcBlock *block, uint32_t line, GError **error);
+static bool check_users(const NcBlock *block, uint32_t line, GError **error);
+static bool check_values(const NcBlock *block, uint32_t line, GError **error);
+static bool find_motion(NcBlock *block, const NcModal *modal, uint32_t line, GError **error);
+static bool check_motion(const NcBlock *block, const NcModal *modal, uint32_t line, GError **error);
+
+bool nc_check(NcBlock *block, const NcModal *modal, GError **error)
+{
+    uint32_t line = modal->line;
+    return sort_words(block, line, error) && find_motion(block, modal, line, error) &&
+           check_users(block, line, error) && check_values(block, line, error) &&
+           check_motion(block, modal, line, error);
+}
+
+/* ----------------------------------------------------------------- sorting words */
+
 /* The group of ten times a G number; -1: not supported. */
 static int g_group(int code)
 {
@@ -80,31 +96,14 @@ static int m_group(int code)
     }
 }
 
-static bool sort_words(NcBlock *block, uint32_t line, GError **error);
-static bool check_users(const NcBlock *block, uint32_t line, GError **error);
-static bool check_values(const NcBlock *block, uint32_t line, GError **error);
-static bool find_motion(NcBlock *block, const NcModal *modal, uint32_t line, GError **error);
-static bool check_motion(const NcBlock *block, const NcModal *modal, uint32_t line, GError **error);
-
-bool nc_check(NcBlock *block, const NcModal *modal, GError **error)
-{
-    uint32_t line = modal->line;
-    return sort_words(block, line, error) && find_motion(block, modal, line, error) &&
-           check_users(block, line, error) && check_values(block, line, error) &&
-           check_motion(block, modal, line, error);
-}
-
-/* ----------------------------------------------------------------- sorting words */
-
 /* Puts a G or M word, whose number times `scale` is whole, into its group. */
 static bool sort_code(const NcWord *word, int scale, int (*group_of)(int), int *code,
                       const NcWord **by_group, uint32_t line, GError **error)
 {
     double scaled = word->value * scale, whole = round(scaled);
     int group = fabs(scaled - whole) < 1e-6 && fabs(whole) < 1e4 ? group_of((int)whole) : -1;
-    if (group < 0) {
+    if (group < 0)
         return nc_word_error(error, line, word, "is not supported");
-    }
     const NcWord *other = by_group[group];
     if (other) {
         return nc_word_error(error, line, word,
@@ -137,9 +136,8 @@ static bool sort_words(NcBlock *block, uint32_t line, GError **error)
         } else {
             block->letter[word->letter - 'A'] = word;
         }
-        if (!good) {
+        if (!good)
             return false;
-        }
     }
     return true;
 }
@@ -180,9 +178,8 @@ static bool find_motion(NcBlock *block, const NcModal *modal, uint32_t line, GEr
                                     : "has no use: no G0, G1, G2 or G3 is in force");
     }
     bool offsets = nc_word(block, 'I') || nc_word(block, 'J') || nc_word(block, 'K');
-    if (!word && !cancel && (axis || (offsets && is_arc(modal->motion)))) {
+    if (!word && !cancel && (axis || (offsets && is_arc(modal->motion))))
         block->motion = modal->motion;
-    }
     return true;
 }
 
@@ -204,9 +201,8 @@ static bool check_users(const NcBlock *block, uint32_t line, GError **error)
                  {'Q', blend, "G64"}};
     for (size_t i = 0; i < G_N_ELEMENTS(words); i++) {
         const NcWord *word = nc_word(block, words[i].letter);
-        if (word && !words[i].used) {
+        if (word && !words[i].used)
             return nc_word_error(error, line, word, "needs %s in the same block", words[i].users);
-        }
     }
     const NcWord *p = nc_word(block, 'P');
     if (p && arc + dwell + blend > 1) {
@@ -224,19 +220,15 @@ static bool check_values(const NcBlock *block, uint32_t line, GError **error)
 {
     for (const char *letter = "FHNSTPQ"; *letter; letter++) {
         const NcWord *word = nc_word(block, *letter);
-        if (!word) {
+        if (!word)
             continue;
-        }
-        if (word->value < 0.0) {
+        if (word->value < 0.0)
             return nc_word_error(error, line, word, "must not be negative");
-        }
         bool whole = *letter == 'H' || *letter == 'T' || (*letter == 'P' && is_arc(block->motion));
-        if (whole && (word->value != floor(word->value) || word->value > 99999.0)) {
+        if (whole && (word->value != floor(word->value) || word->value > 99999.0))
             return nc_word_error(error, line, word, "must be a whole number up to 99999");
-        }
-        if (*letter == 'P' && is_arc(block->motion) && word->value < 1.0) {
+        if (*letter == 'P' && is_arc(block->motion) && word->value < 1.0)
             return nc_word_error(error, line, word, "must be at least one turn");
-        }
     }
     return true;
 }
@@ -247,12 +239,10 @@ static bool check_motion(const NcBlock *block, const NcModal *modal, uint32_t li
     if (block->g[NC_G_NON_MODAL] == 530) {
         const NcWord *g53 = block->g_word[NC_G_NON_MODAL];
         int distance = block->g[NC_G_DISTANCE];
-        if (block->motion != 0 && block->motion != 10) {
+        if (block->motion != 0 && block->motion != 10)
             return nc_word_error(error, line, g53, "needs G0 or G1");
-        }
-        if (distance == 910 || (distance < 0 && modal->incremental)) {
+        if (distance == 910 || (distance < 0 && modal->incremental))
             return nc_word_error(error, line, g53, "cannot be used with G91: add G90");
-        }
     }
     double feed = nc_word(block, 'F') ? nc_word(block, 'F')->value : modal->feed_mm_min;
     if (block->motion > 0 && !(feed > 0.0)) {

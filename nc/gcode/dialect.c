@@ -17,9 +17,8 @@ const NcDialect *nc_dialect(const char *name, GError **error)
 {
     g_autoptr(GString) known = g_string_new(NULL);
     for (size_t i = 0; i < G_N_ELEMENTS(dialects); i++) {
-        if (!name || g_str_equal(name, dialects[i].name)) {
+        if (!name || g_str_equal(name, dialects[i].name))
             return &dialects[i];
-        }
         g_string_append_printf(known, "%s%s", i ? ", " : "", dialects[i].name);
     }
     g_set_error(error, NC_ERROR, NC_ERROR_PLAN,

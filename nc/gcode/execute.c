@@ -14,24 +14,19 @@ static void stop(NcExecution *x);
 bool nc_execute(NcExecution *x, GError **error)
 {
     const NcBlock *block = x->block;
-    if (block->region >= 0) {
+    if (block->region >= 0)
         x->modal.region = block->region;
-    }
-    if (!set_words(x, error)) {
+    if (!set_words(x, error))
         return false;
-    }
     machine_functions(x);
-    if (!set_modes(x, error)) {
+    if (!set_modes(x, error))
         return false;
-    }
-    if (block->g[NC_G_NON_MODAL] == 280) {
+    if (block->g[NC_G_NON_MODAL] == 280)
         go_home(x);
-    } else if (block->g[NC_G_NON_MODAL] == 281) {
+    else if (block->g[NC_G_NON_MODAL] == 281)
         x->modal.home = x->modal.position;
-    }
-    if (block->motion >= 0 && !move(x, error)) {
+    if (block->motion >= 0 && !move(x, error))
         return false;
-    }
     stop(x);
     return true;
 }
@@ -91,16 +86,13 @@ static bool set_words(NcExecution *x, GError **error)
     NcModal *modal = &x->modal;
     const NcWord *f = nc_word(x->block, 'F'), *s = nc_word(x->block, 'S');
     const NcWord *t = nc_word(x->block, 'T');
-    if (f) {
+    if (f)
         modal->feed_mm_min = f->value * modal->unit_mm;
-    }
-    if (s) {
+    if (s)
         modal->speed_rpm = s->value;
-    }
     if (t) {
-        if (t->value > 0.0 && !find_tool(x, (int)t->value)) {
+        if (t->value > 0.0 && !find_tool(x, (int)t->value))
             return no_tool(x, t, error);
-        }
         modal->selected_tool = (int)t->value;
     }
     return true;
@@ -116,21 +108,18 @@ static void machine_functions(NcExecution *x)
         append(x, NC_MOVE_TOOL_CHANGE);
     }
     int m = block->m[NC_M_SPINDLE];
-    if (m >= 0) {
+    if (m >= 0)
         modal->spindle = m == 3 ? 1 : m == 4 ? -1 : 0;
-    }
-    if (m >= 0 || (nc_word(block, 'S') && modal->spindle != 0)) {
+    if (m >= 0 || (nc_word(block, 'S') && modal->spindle != 0))
         append(x, NC_MOVE_SPINDLE);
-    }
     m = block->m[NC_M_COOLANT];
     if (m >= 0) {
         modal->mist = m == 7 || (m == 8 && modal->mist);
         modal->flood = m == 8 || (m == 7 && modal->flood);
         append(x, NC_MOVE_COOLANT);
     }
-    if (block->g[NC_G_NON_MODAL] == 40) {
+    if (block->g[NC_G_NON_MODAL] == 40)
         append(x, NC_MOVE_DWELL)->dwell_s = nc_word(block, 'P')->value;
-    }
 }
 
 /* G43 with no H, or with H0, takes the tool in the spindle. */
@@ -139,9 +128,8 @@ static bool set_tool_length(NcExecution *x, GError **error)
     const NcWord *h = nc_word(x->block, 'H');
     int number = h && h->value > 0.0 ? (int)h->value : x->modal.tool;
     const CfgTool *tool = find_tool(x, number);
-    if (!tool && number > 0) {
+    if (!tool && number > 0)
         return no_tool(x, h ? h : x->block->g_word[NC_G_TOOL], error);
-    }
     x->modal.tool_length_mm = tool ? tool->length_mm : 0.0;
     return true;
 }
@@ -152,45 +140,36 @@ static void set_control(NcModal *modal, const NcBlock *block)
 {
     const NcWord *p = nc_word(block, 'P');
     modal->exact_stop = block->g[NC_G_CONTROL] == 611;
-    if (block->g[NC_G_CONTROL] != 640) {
+    if (block->g[NC_G_CONTROL] != 640)
         modal->tolerance_mm = 0.0;
-    } else {
+    else
         modal->tolerance_mm = p && p->value > 0.0 ? p->value * modal->unit_mm : INFINITY;
-    }
 }
 
 static bool set_modes(NcExecution *x, GError **error)
 {
     NcModal *modal = &x->modal;
     const int *g = x->block->g;
-    if (g[NC_G_PLANE] >= 0) {
+    if (g[NC_G_PLANE] >= 0)
         modal->plane = g[NC_G_PLANE] / 10;
-    }
-    if (g[NC_G_UNITS] >= 0) {
+    if (g[NC_G_UNITS] >= 0)
         modal->unit_mm = g[NC_G_UNITS] == 200 ? NC_MM_PER_INCH : 1.0;
-    }
-    if (g[NC_G_TOOL] == 490) {
+    if (g[NC_G_TOOL] == 490)
         modal->tool_length_mm = 0.0;
-    } else if (g[NC_G_TOOL] == 430 && !set_tool_length(x, error)) {
+    else if (g[NC_G_TOOL] == 430 && !set_tool_length(x, error))
         return false;
-    }
-    if (g[NC_G_WORK] >= 0) {
+    if (g[NC_G_WORK] >= 0)
         modal->wcs = g[NC_G_WORK] / 10 - 54;
-    }
-    if (g[NC_G_CONTROL] >= 0) {
+    if (g[NC_G_CONTROL] >= 0)
         set_control(modal, x->block);
-    }
-    if (g[NC_G_DISTANCE] >= 0) {
+    if (g[NC_G_DISTANCE] >= 0)
         modal->incremental = g[NC_G_DISTANCE] == 910;
-    }
-    if (g[NC_G_ARC] >= 0) {
+    if (g[NC_G_ARC] >= 0)
         modal->arc_absolute = g[NC_G_ARC] == 901;
-    }
-    if (g[NC_G_MOTION] >= 0) {
+    if (g[NC_G_MOTION] >= 0)
         modal->motion = g[NC_G_MOTION];
-    } else if (g[NC_G_CANCEL] >= 0) {
+    else if (g[NC_G_CANCEL] >= 0)
         modal->motion = 800;
-    }
     return true;
 }
 
@@ -229,9 +208,8 @@ static bool move(NcExecution *x, GError **error)
         return true;
     }
     SegVec3 centre;
-    if (!nc_arc_centre(block, modal, modal->position, to, shift, &centre, error)) {
+    if (!nc_arc_centre(block, modal, modal->position, to, shift, &centre, error))
         return false;
-    }
     const NcWord *p = nc_word(block, 'P');
     int turns = p ? (int)p->value : 1;
     NcMove *arc = append_to(x, NC_MOVE_ARC, to);

@@ -22,9 +22,8 @@ static bool lex_mark(Cursor *cursor, NcBlock *block, GError **error);
 static void skip_space(Cursor *cursor)
 {
     while (cursor->at < cursor->end &&
-           (*cursor->at == ' ' || *cursor->at == '\t' || *cursor->at == '\r')) {
+           (*cursor->at == ' ' || *cursor->at == '\t' || *cursor->at == '\r'))
         cursor->at++;
-    }
 }
 
 static char upper(char c)
@@ -52,9 +51,8 @@ static void clear_block(NcBlock *block)
 
 bool nc_lex(const char *text, size_t length, uint32_t line, NcBlock *block, GError **error)
 {
-    if (length > 0 && text[length - 1] == '\n') {
+    if (length > 0 && text[length - 1] == '\n')
         length--;
-    }
     clear_block(block);
     if (length > NC_MAX_LINE_BYTES) {
         return nc_word_error(error, line, NULL,
@@ -66,22 +64,19 @@ bool nc_lex(const char *text, size_t length, uint32_t line, NcBlock *block, GErr
     block->blank = cursor.at == cursor.end;
     for (; cursor.at < cursor.end; skip_space(&cursor)) {
         char c = upper(*cursor.at);
-        if (c == ';') {
+        if (c == ';')
             break;
-        }
         bool good;
-        if (c == '(') {
+        if (c == '(')
             good = lex_comment(&cursor, block, error);
-        } else if (c == '/' || c == '%') {
+        else if (c == '/' || c == '%')
             good = lex_mark(&cursor, block, error);
-        } else if (c >= 'A' && c <= 'Z') {
+        else if (c >= 'A' && c <= 'Z')
             good = lex_word(&cursor, block, error);
-        } else {
+        else
             good = lex_character(&cursor, error);
-        }
-        if (!good) {
+        if (!good)
             return false;
-        }
     }
     return true;
 }
@@ -119,20 +114,17 @@ static bool lex_character(const Cursor *cursor, GError **error)
 static bool lex_mark(Cursor *cursor, NcBlock *block, GError **error)
 {
     const char *first = cursor->at;
-    for (const char *p = cursor->start; p < first; p++) {
-        if (*p != ' ' && *p != '\t') {
+    for (const char *p = cursor->start; p < first; p++)
+        if (*p != ' ' && *p != '\t')
             return lex_character(cursor, error);
-        }
-    }
     cursor->at++;
     if (*first == '/') {
         block->deleted = true;
         return true;
     }
     skip_space(cursor);
-    if (cursor->at < cursor->end) {
+    if (cursor->at < cursor->end)
         return nc_word_error(error, cursor->line, NULL, "%% must stand alone on its line");
-    }
     block->percent = true;
     return true;
 }
@@ -142,16 +134,13 @@ static void read_region(NcBlock *block, const char *text, const char *end)
 {
     static const char word[] = "REGION ";
     size_t n = sizeof word - 1;
-    if ((size_t)(end - text) <= n || memcmp(text, word, n) != 0 || !is_digit(text[n])) {
+    if ((size_t)(end - text) <= n || memcmp(text, word, n) != 0 || !is_digit(text[n]))
         return;
-    }
     int64_t region = 0;
-    for (text += n; text < end && is_digit(*text) && region <= INT32_MAX; text++) {
+    for (text += n; text < end && is_digit(*text) && region <= INT32_MAX; text++)
         region = region * 10 + (*text - '0');
-    }
-    if (region > 0 && region <= INT32_MAX && (text == end || *text == ' ')) {
+    if (region > 0 && region <= INT32_MAX && (text == end || *text == ' '))
         block->region = (int32_t)region;
-    }
 }
 
 static bool lex_comment(Cursor *cursor, NcBlock *block, GError **error)
@@ -166,9 +155,8 @@ static bool lex_comment(Cursor *cursor, NcBlock *block, GError **error)
         }
         cursor->at++;
     }
-    if (cursor->at == cursor->end) {
+    if (cursor->at == cursor->end)
         return nc_word_error(error, cursor->line, &open, "the comment is not closed with \")\"");
-    }
     read_region(block, text, cursor->at);
     cursor->at++;
     return true;
@@ -189,9 +177,8 @@ static bool lex_number(Cursor *cursor, double *value)
     uint64_t mantissa = 0;
     bool point = false, negative = false;
     skip_space(cursor);
-    if (cursor->at < cursor->end && (*cursor->at == '+' || *cursor->at == '-')) {
+    if (cursor->at < cursor->end && (*cursor->at == '+' || *cursor->at == '-'))
         negative = *cursor->at++ == '-';
-    }
     for (; cursor->at < cursor->end; cursor->at++) {
         char c = *cursor->at;
         if (is_digit(c)) {
@@ -207,9 +194,8 @@ static bool lex_number(Cursor *cursor, double *value)
         }
         digits[n++] = c;
     }
-    if (n == (int)point) {
+    if (n == (int)point)
         return false;
-    }
     digits[n] = '\0';
     double number = n_significant <= 15 && n_decimals <= 22 ? (double)mantissa / power[n_decimals]
                                                             : g_ascii_strtod(digits, NULL);
@@ -223,15 +209,12 @@ static bool lex_word(Cursor *cursor, NcBlock *block, GError **error)
     double value = 0.0;
     bool good = lex_number(cursor, &value);
     NcWord word = word_at(cursor, first);
-    while (word.length > 1 && (first[word.length - 1] == ' ' || first[word.length - 1] == '\t')) {
+    while (word.length > 1 && (first[word.length - 1] == ' ' || first[word.length - 1] == '\t'))
         word.length--;
-    }
-    if (!strchr("FGHIJKMNPQRSTXYZ", word.letter)) {
+    if (!strchr("FGHIJKMNPQRSTXYZ", word.letter))
         return nc_word_error(error, cursor->line, &word, "is not supported");
-    }
-    if (!good && fabs(value) > LARGEST_NUMBER) {
+    if (!good && fabs(value) > LARGEST_NUMBER)
         return nc_word_error(error, cursor->line, &word, "is too large a number");
-    }
     if (!good) {
         bool expression = cursor->at < cursor->end && strchr("#[", *cursor->at);
         return nc_word_error(error, cursor->line, &word, "%s",
@@ -239,9 +222,8 @@ static bool lex_word(Cursor *cursor, NcBlock *block, GError **error)
                                           "not supported"
                                         : "needs a number like -12.5 behind it");
     }
-    if (block->n_words == NC_MAX_WORDS) {
+    if (block->n_words == NC_MAX_WORDS)
         return nc_word_error(error, cursor->line, &word, "is one word too many for a block");
-    }
     word.value = value;
     block->words[block->n_words++] = word;
     return true;

@@ -8,9 +8,8 @@
 static bool check_spindle(const CfgMachine *machine, const NcMove *move, GError **error)
 {
     double rpm = fabs(move->spindle_rpm);
-    if (rpm == 0.0 || (rpm >= machine->spindle_min_rpm && rpm <= machine->spindle_max_rpm)) {
+    if (rpm == 0.0 || (rpm >= machine->spindle_min_rpm && rpm <= machine->spindle_max_rpm))
         return true;
-    }
     g_set_error(error, NC_ERROR, NC_ERROR_LIMIT,
                 "line %u: the spindle cannot turn at %.10g rev/min: %s runs from %.10g to %.10g; "
                 "change the S word",
@@ -21,12 +20,10 @@ static bool check_spindle(const CfgMachine *machine, const NcMove *move, GError 
 
 bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError **error)
 {
-    if (move->kind == NC_MOVE_SPINDLE && !check_spindle(machine, move, error)) {
+    if (move->kind == NC_MOVE_SPINDLE && !check_spindle(machine, move, error))
         return false;
-    }
-    if (!nc_move_travels(move)) {
+    if (!nc_move_travels(move))
         return true;
-    }
     SegVec3 min, max;
     nc_move_bounds(move, &min, &max);
     for (int axis = 0; axis < 3; axis++) {

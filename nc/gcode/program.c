@@ -56,9 +56,8 @@ NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
     g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
     g_autoptr(GArray) ends = g_array_new(FALSE, FALSE, sizeof(BlockEnd));
     Survey survey = {ends, moves, -INFINITY, -INFINITY};
-    if (!nc_read_blocks(interpreter, text, length, moves, survey_block, &survey, error)) {
+    if (!nc_read_blocks(interpreter, text, length, moves, survey_block, &survey, error))
         return NULL;
-    }
     g_autoptr(GArray) gates = g_array_new(FALSE, FALSE, sizeof(uint64_t));
     find_gates(&survey, length, gates);
     return nc_program_new(bytes, gates);
@@ -74,18 +73,16 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
     BlockEnd done = {.end = end, .tip_mm = modal->position.z - modal->tool_length_mm};
     for (guint i = first_move; i < survey->moves->len; i++) {
         const NcMove *move = &g_array_index(survey->moves, NcMove, i);
-        if (!nc_move_travels(move)) {
+        if (!nc_move_travels(move))
             continue;
-        }
         bool whole = homing && !nc_word(block, 'X') && !nc_word(block, 'Y');
         bool names_z = nc_word(block, 'Z') || whole;
         done.moved = done.moved || names_z || move->to.z != move->from.z;
         done.raised = machine_z && names_z && move->to.z >= move->from.z;
         if (names_z && !machine_z) {
             survey->highest_mm = fmax(survey->highest_mm, done.tip_mm);
-            if (move->kind == NC_MOVE_RAPID) {
+            if (move->kind == NC_MOVE_RAPID)
                 survey->highest_rapid_mm = fmax(survey->highest_rapid_mm, done.tip_mm);
-            }
         }
     }
     g_array_append_val(survey->ends, done);
@@ -100,12 +97,10 @@ static void find_gates(const Survey *survey, uint64_t length, GArray *gates)
     for (guint i = 0; i < survey->ends->len; i++) {
         const BlockEnd *block = &g_array_index(survey->ends, BlockEnd, i);
         bool was_clear = clear;
-        if (block->moved) {
+        if (block->moved)
             clear = block->raised || block->tip_mm >= height - 1e-6;
-        }
-        if (clear && !was_clear && block->end < length) {
+        if (clear && !was_clear && block->end < length)
             g_array_append_val(gates, block->end);
-        }
     }
     g_array_append_val(gates, length);
 }

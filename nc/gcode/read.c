@@ -60,13 +60,11 @@ static bool read_block(NcInterpreter *interpreter, const char *text, size_t leng
     NcModal *modal = &execution.modal;
     guint n_before = moves->len;
     modal->line++;
-    if (!nc_lex(text, length, modal->line, block, error)) {
+    if (!nc_lex(text, length, modal->line, block, error))
         return false;
-    }
     bool empty = block->n_words == 0 && !block->percent;
-    if (modal->ended && !empty) {
+    if (modal->ended && !empty)
         return nc_word_error(error, modal->line, NULL, "nothing is read after the program's end");
-    }
     bool skipped = block->deleted && interpreter->block_delete;
     bool good = block->percent ? read_percent(&execution, error)
                 : skipped      ? true
@@ -114,18 +112,15 @@ bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length,
         const char *next = newline ? newline + 1 : end;
         guint n_before = moves->len;
         NcBlock block;
-        if (!read_block(interpreter, at, (size_t)(next - at), &block, moves, error)) {
+        if (!read_block(interpreter, at, (size_t)(next - at), &block, moves, error))
             return false;
-        }
         for (guint i = n_before; i < moves->len; i++) {
             const NcMove *made = &g_array_index(moves, NcMove, i);
-            if (!nc_move_check_limits(interpreter->machine, made, error)) {
+            if (!nc_move_check_limits(interpreter->machine, made, error))
                 return false;
-            }
         }
-        if (read) {
+        if (read)
             read(interpreter, &block, (size_t)(next - text), n_before, data);
-        }
         at = next;
     }
     if (!interpreter->modal.ended) {
@@ -142,8 +137,7 @@ GArray *nc_read_program(const char *text, size_t length, const CfgMachine *machi
 {
     g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(machine, tools);
     g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
-    if (!nc_read_blocks(interpreter, text, length, moves, NULL, NULL, error)) {
+    if (!nc_read_blocks(interpreter, text, length, moves, NULL, NULL, error))
         return NULL;
-    }
     return g_steal_pointer(&moves);
 }

@@ -56,9 +56,8 @@ void nc_text_word(NcText *text, char letter, int64_t value, int decimals)
     reserve(text, 32);
     char *out = text->bytes + text->length;
     *out++ = letter;
-    if (value < 0) {
+    if (value < 0)
         *out++ = '-';
-    }
     uint64_t size = value < 0 ? 0 - (uint64_t)value : (uint64_t)value;
     uint64_t whole = size / power[decimals], rest = size % power[decimals];
     char digits[20];
@@ -67,9 +66,8 @@ void nc_text_word(NcText *text, char letter, int64_t value, int decimals)
         digits[n++] = (char)('0' + whole % 10);
         whole /= 10;
     } while (whole > 0);
-    while (n > 0) {
+    while (n > 0)
         *out++ = digits[--n];
-    }
     if (rest > 0) {
         *out++ = '.';
         for (int i = decimals - 1; i >= 0; i--) {
@@ -77,9 +75,8 @@ void nc_text_word(NcText *text, char letter, int64_t value, int decimals)
             rest /= 10;
         }
         out += decimals;
-        while (out[-1] == '0') {
+        while (out[-1] == '0')
             out--;
-        }
     }
     text->length = (size_t)(out - text->bytes);
 }

@@ -44,9 +44,8 @@ static void write_end(Writer *w);
 static int coordinate_decimals(double rounding_mm)
 {
     int decimals = FEWEST_DECIMALS;
-    while (decimals < MOST_DECIMALS && 0.5 * sqrt(3.0) * pow(10.0, -decimals) > rounding_mm) {
+    while (decimals < MOST_DECIMALS && 0.5 * sqrt(3.0) * pow(10.0, -decimals) > rounding_mm)
         decimals++;
-    }
     return decimals;
 }
 
@@ -54,9 +53,8 @@ NcProgram *nc_program_write(const NcPlan *plan, const CfgRecipe *recipe, const C
                             char *const *header, GError **error)
 {
     const NcDialect *dialect = nc_dialect(machine->dialect, error);
-    if (!dialect) {
+    if (!dialect)
         return NULL;
-    }
     Writer w = {
         .gates = g_array_new(FALSE, FALSE, sizeof(uint64_t)),
         .machine = machine,
@@ -67,9 +65,8 @@ NcProgram *nc_program_write(const NcPlan *plan, const CfgRecipe *recipe, const C
     };
     w.clearance = nc_text_scaled(plan->clearance_mm, w.decimals);
     bool good = write_preamble(&w, plan, recipe, header, error);
-    for (size_t i = 0; good && i < plan->n_operations; i++) {
+    for (size_t i = 0; good && i < plan->n_operations; i++)
         good = write_operation(&w, &plan->operations[i], error);
-    }
     NcProgram *program = NULL;
     if (good) {
         write_end(&w);
@@ -113,9 +110,8 @@ static bool write_preamble(Writer *w, const NcPlan *plan, const CfgRecipe *recip
                     blend);
         return false;
     }
-    for (char *const *line = header; line && *line; line++) {
+    for (char *const *line = header; line && *line; line++)
         nc_text_comment(&w->text, *line);
-    }
     nc_text_put(&w->text, w->dialect->preamble);
     nc_text_word(&w->text, 'P', tolerance, TOLERANCE_DECIMALS);
     nc_text_printf(&w->text, "\nG%d\n", recipe->wcs);
@@ -145,9 +141,8 @@ static void write_end(Writer *w)
 
 static void space(Writer *w, size_t begun)
 {
-    if (w->text.length > begun) {
+    if (w->text.length > begun)
         nc_text_put(&w->text, " ");
-    }
 }
 
 /* A block of G0 or G1; nothing where nothing changes. */
@@ -161,9 +156,8 @@ static void write_line(Writer *w, int motion, const int64_t to[3])
         changed[axis] = !w->known[axis] || to[axis] != w->at[axis];
         any = any || changed[axis];
     }
-    if (!any) {
+    if (!any)
         return;
-    }
     if (motion != w->motion) {
         nc_text_put(text, motion == 0 ? "G0" : "G1");
         w->motion = motion;
@@ -182,9 +176,8 @@ static void write_line(Writer *w, int motion, const int64_t to[3])
 static void end_line(Writer *w, size_t begun, int64_t feed)
 {
     NcText *text = &w->text;
-    if (text->length == begun) {
+    if (text->length == begun)
         return;
-    }
     if (feed > 0 && feed != w->feed) {
         space(w, begun);
         nc_text_word(text, 'F', feed, SPEED_DECIMALS);
@@ -192,9 +185,8 @@ static void end_line(Writer *w, size_t begun, int64_t feed)
     }
     nc_text_put(text, "\n");
     bool clear = w->known[2] && w->at[2] >= w->clearance;
-    if (clear && !w->clear) {
+    if (clear && !w->clear)
         gate(w);
-    }
     w->clear = clear || (w->clear && !w->known[2]);
 }
 
@@ -243,9 +235,8 @@ static bool scale_point(const Writer *w, SegVec3 tip, int64_t to[3], GError **er
 {
     const double value[3] = {tip.x, tip.y, tip.z};
     for (int axis = 0; axis < 3; axis++) {
-        if (!(value[axis] >= w->low_mm[axis] && value[axis] <= w->high_mm[axis])) {
+        if (!(value[axis] >= w->low_mm[axis] && value[axis] <= w->high_mm[axis]))
             return outside(w, tip, axis, error);
-        }
         to[axis] = nc_text_scaled(value[axis], w->decimals);
     }
     return true;
@@ -294,9 +285,8 @@ static void write_tool(Writer *w, const NcOperation *operation)
     int number = operation->tool->number;
     if (number != w->tool) {
         write_spindle_off(w);
-        if (w->known[2]) {
+        if (w->known[2])
             write_top(w);
-        }
         nc_text_printf(&w->text, w->dialect->tool_change, number);
         nc_text_printf(&w->text, w->dialect->tool_length, number);
         w->tool = number;
@@ -314,9 +304,8 @@ static bool write_approach(Writer *w, SegVec3 first, GError **error)
 {
     int64_t to[3];
     first.z = (double)w->clearance / nc_text_power[w->decimals];
-    if (!scale_point(w, first, to, error)) {
+    if (!scale_point(w, first, to, error))
         return false;
-    }
     if (!w->known[2]) {
         size_t begun = w->text.length;
         int64_t above[3] = {to[0], to[1], w->at[2]};
@@ -342,13 +331,11 @@ static bool write_operation(Writer *w, const NcOperation *operation, GError **er
     const GArray *locations = operation->path.locations;
     w->operation = operation;
     set_range(w, operation);
-    if (!check_operation(w, operation, error)) {
+    if (!check_operation(w, operation, error))
         return false;
-    }
     write_opening(w, operation);
-    if (!write_approach(w, g_array_index(locations, NcLocation, 0).tip, error)) {
+    if (!write_approach(w, g_array_index(locations, NcLocation, 0).tip, error))
         return false;
-    }
     int64_t feed = nc_text_scaled(operation->feed_mm_min, SPEED_DECIMALS);
     int64_t plunge = nc_text_scaled(operation->plunge_mm_min, SPEED_DECIMALS);
     int64_t to[3];
@@ -360,14 +347,12 @@ static bool write_operation(Writer *w, const NcOperation *operation, GError **er
                         operation->region);
             return false;
         }
-        if (!scale_point(w, location->tip, to, error)) {
+        if (!scale_point(w, location->tip, to, error))
             return false;
-        }
-        if (location->motion == NC_RAPID) {
+        if (location->motion == NC_RAPID)
             write_rapid(w, to);
-        } else {
+        else
             write_feed(w, to, location->motion == NC_LEAD ? plunge : feed);
-        }
     }
     to[2] = MAX(to[2], w->clearance);
     write_rapid(w, to);

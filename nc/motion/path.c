@@ -21,12 +21,10 @@ NcPlaneAxes nc_plane_axes(int plane)
 static double arc_sweep(double start, double end, bool closed, int turn)
 {
     double sweep = turn > 0 ? end - start : start - end;
-    if (closed || sweep < SAME_ANGLE_RAD) {
+    if (closed || sweep < SAME_ANGLE_RAD)
         sweep = closed ? 2.0 * G_PI : sweep + 2.0 * G_PI;
-    }
-    if (sweep < SAME_ANGLE_RAD) {
+    if (sweep < SAME_ANGLE_RAD)
         sweep += 2.0 * G_PI;
-    }
     sweep += 2.0 * G_PI * (abs(turn) - 1);
     return turn > 0 ? sweep : -sweep;
 }
@@ -52,9 +50,8 @@ NcArc nc_arc(const NcMove *move)
 
 double nc_move_length_mm(const NcMove *move)
 {
-    if (!nc_move_travels(move)) {
+    if (!nc_move_travels(move))
         return 0.0;
-    }
     return move->kind == NC_MOVE_ARC ? nc_arc(move).length_mm : seg_distance(move->from, move->to);
 }
 
@@ -72,12 +69,10 @@ static SegVec3 arc_point(const NcMove *move, const NcArc *arc, double fraction)
 
 SegVec3 nc_move_point(const NcMove *move, double fraction)
 {
-    if (fraction <= 0.0 || fraction >= 1.0 || !nc_move_travels(move)) {
+    if (fraction <= 0.0 || fraction >= 1.0 || !nc_move_travels(move))
         return fraction >= 1.0 ? move->to : move->from;
-    }
-    if (move->kind != NC_MOVE_ARC) {
+    if (move->kind != NC_MOVE_ARC)
         return seg_lerp(move->from, move->to, fraction);
-    }
     NcArc arc = nc_arc(move);
     return arc_point(move, &arc, fraction);
 }
@@ -119,9 +114,8 @@ void nc_move_bounds(const NcMove *move, SegVec3 *min, SegVec3 *max)
 {
     *min = *max = move->from;
     grow(min, max, move->to);
-    if (move->kind != NC_MOVE_ARC) {
+    if (move->kind != NC_MOVE_ARC)
         return;
-    }
     /* The extremes lie where the angle passes a quarter turn; four in a row reach every side, but
      * a spiral is widest at one end: its first and last turn are looked at. */
     NcArc arc = nc_arc(move);

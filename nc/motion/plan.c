@@ -68,9 +68,8 @@ static double scale_within(const double limit[3], SegVec3 amplitude)
     double scale = INFINITY;
     for (int axis = 0; axis < 3; axis++) {
         double share = fabs(nc_axis_value(amplitude, axis));
-        if (share > 0.0) {
+        if (share > 0.0)
             scale = fmin(scale, limit[axis] / share);
-        }
     }
     return scale;
 }
@@ -81,9 +80,8 @@ static void limit_arc(const Limits *limits, const NcMove *move, NcTimedMove *tim
     NcArc arc = nc_arc(move);
     NcPlaneAxes axes = arc.axes;
     timed->length_mm = arc.length_mm;
-    if (!(arc.length_mm > 0.0)) {
+    if (!(arc.length_mm > 0.0))
         return;
-    }
     double rise = fabs(arc.rise_mm) / arc.length_mm, along = sqrt(1.0 - rise * rise);
     double radius = fmin(arc.radius_from_mm, arc.radius_to_mm);
     double v_plane = fmin(limits->v_mm_s[axes.first], limits->v_mm_s[axes.second]);
@@ -123,12 +121,10 @@ static double corner_speed(const Limits *limits, const NcMove *before, const NcT
     double sin_half = 0.5 * seg_norm(difference), cos_half = 0.5 * seg_norm(sum);
     double v = fmin(in->v_max_mm_s, out->v_max_mm_s);
     double tolerance = fmin(before->tolerance_mm, after->tolerance_mm);
-    if (before->exact_stop || cos_half < STRAIGHT_RAD) {
+    if (before->exact_stop || cos_half < STRAIGHT_RAD)
         return 0.0;
-    }
-    if (2.0 * sin_half < (tolerance > 0.0 ? STRAIGHT_RAD : TANGENT_RAD)) {
+    if (2.0 * sin_half < (tolerance > 0.0 ? STRAIGHT_RAD : TANGENT_RAD))
         return v;
-    }
     double reach = 0.5 * fmin(in->length_mm, out->length_mm);
     double radius = fmin(tolerance * cos_half * (1.0 + cos_half) / (sin_half * sin_half),
                          reach * cos_half / sin_half);

@@ -17,12 +17,10 @@ static Phases phases(const NcTimedMove *timed)
 
 SegVec3 nc_motion_position(const NcMove *move, const NcTimedMove *timed, double t_s)
 {
-    if (!(timed->length_mm > 0.0) || t_s <= 0.0) {
+    if (!(timed->length_mm > 0.0) || t_s <= 0.0)
         return t_s <= 0.0 ? move->from : move->to;
-    }
-    if (t_s >= timed->duration_s) {
+    if (t_s >= timed->duration_s)
         return move->to;
-    }
     Phases p = phases(timed);
     double a = timed->a_mm_s2, s;
     if (t_s < p.up_s) {
@@ -39,15 +37,12 @@ SegVec3 nc_motion_position(const NcMove *move, const NcTimedMove *timed, double 
 
 double nc_motion_speed_mm_s(const NcTimedMove *timed, double t_s)
 {
-    if (!(timed->length_mm > 0.0) || t_s < 0.0 || t_s > timed->duration_s) {
+    if (!(timed->length_mm > 0.0) || t_s < 0.0 || t_s > timed->duration_s)
         return 0.0;
-    }
     Phases p = phases(timed);
-    if (t_s < p.up_s) {
+    if (t_s < p.up_s)
         return timed->v_in_mm_s + timed->a_mm_s2 * t_s;
-    }
-    if (t_s <= p.up_s + p.level_s) {
+    if (t_s <= p.up_s + p.level_s)
         return timed->v_max_mm_s;
-    }
     return timed->v_out_mm_s + timed->a_mm_s2 * (timed->duration_s - t_s);
 }
