@@ -17,6 +17,7 @@
 
 enum {
     MAX_CLIENTS = 16,
+    BACKLOG = 64, /* connections that wait to be accepted: a crowd must not keep a hold out */
     READ_MOST = MODBUS_MAX_READ_REGISTERS,
     UNIT_NOT_HERE = MODBUS_EXCEPTION_GATEWAY_TARGET,
 };
@@ -255,6 +256,8 @@ static GSocket *listen_on(const char *host, uint16_t port, GError **error)
         return NULL;
     g_autoptr(GSocket) socket = g_socket_new(g_socket_address_get_family(address),
                                              G_SOCKET_TYPE_STREAM, G_SOCKET_PROTOCOL_TCP, error);
+    if (socket)
+        g_socket_set_listen_backlog(socket, BACKLOG);
     if (!socket || !g_socket_bind(socket, address, TRUE, error) || !g_socket_listen(socket, error))
         return NULL;
     g_socket_set_blocking(socket, FALSE);

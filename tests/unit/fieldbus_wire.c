@@ -1,0 +1,389 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The blocks against the tables of docs/protocol.md, section 2, and against anything else. */
+#include <math.h>
+
+#include "tests/unit/fieldbus_rig.h"
+
+/* Every field has a value of its own, so that a field in the wrong place shows. */
+static FbStatus full_status(void)
+{
+    FbStatus s = {.protocol_version = 0x0100,
+                  .state = FB_STATE_HELD,
+                  .epoch = 0x01020304,
+                  .transfer = 0x05060708,
+                  .length = 0x1112131415161718,
+                  .received = 0x0112131415161718,
+                  .may_send_to = 0x0212131415161718,
+                  .gates = 0x21222324,
+                  .gates_crc = 0x25262728,
+                  .lease_owner = 0x31323334,
+                  .lease_ms = 0x35363738,
+                  .command_session = 0x41424344,
+                  .command_seq = 0x45464748,
+                  .command = FB_COMMAND_RESUME,
+                  .answer = FB_ANSWER_CONFLICT,
+                  .chunk_answer = FB_ANSWER_GAP,
+                  .needs_acknowledge = true,
+                  .agent_lost = true,
+                  .run = 0x51525354,
+                  .run_end = FB_RUN_ALARM,
+                  .window_max = 16,
+                  .chunk_max = 217,
+                  .alarm_code = 0x6162,
+                  .alarm_serial = 0x6364,
+                  .feed_override_percent = 101,
+                  .rapid_override_percent = 102,
+                  .spindle_override_percent = 103,
+                  .line = 0x71727374,
+                  .executed_blocks = 0x7172737475767778,
+                  .program_time_ms = 0x01727374,
+                  .tool = -3,
+                  .position_mm = {-1.001, 2.002, 2000000.003},
+                  .feed_mm_min = 4000000.125,
+                  .spindle_rpm = -24000.5,
+                  .heartbeat = 0x01020305};
+    for (int i = 0; i < 32; i++) {
+        s.id[i] = (uint8_t)(0x80 + i);
+        s.sha256[i] = (uint8_t)(0xa0 + i);
+    }
+    strcpy(s.alarm_text, "Weg überschritten");
+    strcpy(s.alarm_advice, "Nullpunkt prüfen");
+    return s;
+}
+
+typedef struct {
+    const char *field;
+    uint64_t value;
+} Expected;
+
+static uint64_t number_at(const uint8_t *bytes, guint n)
+{
+    uint64_t v = 0;
+    for (guint i = 0; i < n; i++)
+        v = v << 8 | bytes[i];
+    return v;
+}
+
+static const Expected *find(const Expected *fields, const char *field)
+{
+    while (fields->field && strcmp(fields->field, field) != 0)
+        fields++;
+    return fields->field ? fields : NULL;
+}
+
+/* Each row of a table "position | type | field" against the bytes; `unit` bytes a position. */
+static void check_layout(const char *heading, const uint8_t *bytes, guint first, guint unit,
+                         const Expected *fields)
+{
+    g_autoptr(GPtrArray) rows = doc_table(heading);
+    guint checked = 0, known = 0;
+    while (fields[known].field)
+        known++;
+    for (guint i = 1; i < rows->len; i++) {
+        const guint at = (guint)(atoi(doc_cell(rows, i, 0)) - (int)first) * unit;
+        const char *type = doc_cell(rows, i, 1), *field = doc_cell(rows, i, 2);
+        const Expected *e = find(fields, field);
+        if (!e)
+            continue;
+        checked++;
+        const guint n = g_str_has_prefix(type, "bytes") ? 4 : (guint)atoi(type + 1) / 8;
+        const uint64_t mask = n == 8 ? UINT64_MAX : (UINT64_C(1) << 8 * n) - 1;
+        if (number_at(bytes + at, n) != (e->value & mask)) {
+            g_test_message("%s at %s", field, doc_cell(rows, i, 0));
+            g_assert_cmphex(number_at(bytes + at, n), ==, e->value & mask);
+        }
+    }
+    g_assert_cmpuint(checked, ==, known);
+}
+
+static void status_as_documented(void)
+{
+    const FbStatus s = full_status();
+    uint8_t block[FB_BLOCK_BYTES];
+    g_assert_cmpuint(fb_wire_put_status(block, &s), ==, FB_STATUS_BYTES);
+    const Expected fields[] = {{"protocol_version", s.protocol_version},
+                               {"state", FB_STATE_HELD},
+                               {"epoch", s.epoch},
+                               {"transfer", s.transfer},
+                               {"length", s.length},
+                               {"received", s.received},
+                               {"may_send_to", s.may_send_to},
+                               {"gates", s.gates},
+                               {"gates_crc", s.gates_crc},
+                               {"id", 0x80818283},
+                               {"sha256", 0xa0a1a2a3},
+                               {"command_session", s.command_session},
+                               {"command_seq", s.command_seq},
+                               {"command", FB_COMMAND_RESUME},
+                               {"answer", FB_ANSWER_CONFLICT},
+                               {"chunk_answer", FB_ANSWER_GAP},
+                               {"flags", 3},
+                               {"lease_owner", s.lease_owner},
+                               {"lease_ms", s.lease_ms},
+                               {"heartbeat", s.heartbeat},
+                               {"run", s.run},
+                               {"run_end", FB_RUN_ALARM},
+                               {"alarm_code", s.alarm_code},
+                               {"alarm_serial", s.alarm_serial},
+                               {"window_max", 16},
+                               {"chunk_max", 217},
+                               {"feed_override_percent", 101},
+                               {"rapid_override_percent", 102},
+                               {"spindle_override_percent", 103},
+                               {"line", s.line},
+                               {"executed_blocks", s.executed_blocks},
+                               {"program_time_ms", s.program_time_ms},
+                               {"tool", (uint64_t)-3},
+                               {"position_x", (uint64_t)-1001},
+                               {"position_y", 2002},
+                               {"position_z", 2000000003},
+                               {"feed", 4000000125},
+                               {"spindle", (uint64_t)-24000500},
+                               {"crc", fb_wire_crc(block, FB_STATUS_BYTES - 4)},
+                               {NULL, 0}};
+    check_layout("### 2.2", block, FB_AT_STATUS, 2, fields);
+}
+
+static void alarm_as_documented(void)
+{
+    const FbStatus s = full_status();
+    uint8_t block[FB_BLOCK_BYTES];
+    g_assert_cmpuint(fb_wire_put_alarm(block, &s), ==, FB_ALARM_BYTES);
+    const Expected fields[] = {{"alarm_serial", s.alarm_serial},
+                               {"alarm_code", s.alarm_code},
+                               {"alarm_text", number_at((const uint8_t *)"Weg ", 4)},
+                               {"alarm_advice", number_at((const uint8_t *)"Null", 4)},
+                               {"crc", fb_wire_crc(block, FB_ALARM_BYTES - 4)},
+                               {NULL, 0}};
+    check_layout("### 2.3", block, FB_AT_ALARM, 2, fields);
+}
+
+static FbOrder full_order(void)
+{
+    FbOrder o = {.session = 0x01020304,
+                 .seq = 0x05060708,
+                 .epoch = 0x090a0b0c,
+                 .transfer = 0x0d0e0f10,
+                 .token = 0x1112131415161718,
+                 .command = FB_COMMAND_OPEN,
+                 .open = {.program_bytes = 0x2122232425262728,
+                          .gates = 0x31323334,
+                          .gates_crc = 0x35363738,
+                          .flags = 0x4142,
+                          .window = 0x4344}};
+    memset(o.open.id, 0x99, sizeof o.open.id);
+    return o;
+}
+
+static void command_as_documented(void)
+{
+    const FbOrder o = full_order();
+    uint8_t block[FB_BLOCK_BYTES], joined[FB_BLOCK_BYTES];
+    const size_t n = fb_wire_put_order(block, &o);
+    g_assert_cmpuint(n, ==, FB_COMMAND_BYTES + FB_OPEN_BYTES);
+    memcpy(joined, block, FB_COMMAND_BYTES - 4);
+    memcpy(joined + FB_COMMAND_BYTES - 4, block + FB_COMMAND_BYTES, FB_OPEN_BYTES);
+    const Expected fields[] = {{"session", o.session},
+                               {"seq", o.seq},
+                               {"epoch", o.epoch},
+                               {"transfer", o.transfer},
+                               {"token", o.token},
+                               {"command", FB_COMMAND_OPEN},
+                               {"argument_bytes", FB_OPEN_BYTES},
+                               {"crc", fb_wire_crc(joined, n - 4)},
+                               {NULL, 0}};
+    const Expected arguments[] = {{"id", 0x99999999},
+                                  {"program_bytes", o.open.program_bytes},
+                                  {"gates", o.open.gates},
+                                  {"gates_crc", o.open.gates_crc},
+                                  {"flags", o.open.flags},
+                                  {"window", o.open.window},
+                                  {NULL, 0}};
+    check_layout("### 2.4", block, 0, 1, fields);
+    check_layout("Arguments of OPEN", block, 0, 1, arguments);
+}
+
+static void chunk_and_beat_as_documented(void)
+{
+    uint8_t block[FB_BLOCK_BYTES], joined[FB_BLOCK_BYTES];
+    const FbChunk c = {0x01020304, 0x05060708, 0x1112131415161718, 5, (const uint8_t *)"G1 X1"};
+    g_assert_cmpuint(fb_wire_put_chunk(block, &c), ==, 30);
+    memcpy(joined, block, 20);
+    memcpy(joined + 20, block + 24, 5);
+    const Expected chunk[] = {
+        {"epoch", c.epoch}, {"transfer", c.transfer},         {"offset", c.offset},
+        {"length", 5},      {"crc", fb_wire_crc(joined, 25)}, {NULL, 0}};
+    check_layout("### 2.5", block, 0, 1, chunk);
+    g_assert_true(memcmp(block + 24, "G1 X1\0", 6) == 0);
+
+    const FbBeat b = {0x21222324, 0x3132333435363738, 0x41424344};
+    g_assert_cmpuint(fb_wire_put_beat(block, &b), ==, FB_BEAT_BYTES);
+    const Expected beat[] = {{"session", b.session},
+                             {"token", b.token},
+                             {"count", b.count},
+                             {"crc", fb_wire_crc(block, 16)},
+                             {NULL, 0}};
+    check_layout("### 2.6", block, 0, 1, beat);
+}
+
+static void map_as_documented(void)
+{
+    static const struct {
+        const char *block;
+        int at, registers;
+    } blocks[] = {{"STATUS", FB_AT_STATUS, FB_STATUS_BYTES / 2},
+                  {"ALARM", FB_AT_ALARM, FB_ALARM_BYTES / 2},
+                  {"COMMAND", FB_AT_COMMAND, FB_COMMAND_BYTES / 2},
+                  {"CHUNK", FB_AT_CHUNK, FB_CHUNK_HEADER_BYTES / 2 + 1},
+                  {"BEAT", FB_AT_BEAT, FB_BEAT_BYTES / 2}};
+    g_autoptr(GPtrArray) rows = doc_table("### 2.1");
+    int end = 0;
+    for (guint i = 1; i < rows->len; i++) {
+        g_assert_cmpint(atoi(doc_cell(rows, i, 1)), >=, end);
+        end = atoi(doc_cell(rows, i, 1)) + atoi(doc_cell(rows, i, 2));
+        for (guint j = 0; j < G_N_ELEMENTS(blocks); j++)
+            if (strcmp(doc_cell(rows, i, 0), blocks[j].block) == 0) {
+                g_assert_cmpint(atoi(doc_cell(rows, i, 1)), ==, blocks[j].at);
+                g_assert_cmpint(atoi(doc_cell(rows, i, 2)), ==, blocks[j].registers);
+            }
+    }
+    g_assert_cmpint(end, ==, FB_N_REGISTERS);
+}
+
+static void there_and_back(void)
+{
+    uint8_t block[FB_BLOCK_BYTES], again[FB_BLOCK_BYTES];
+    const FbStatus s = full_status();
+    FbStatus back = {0};
+    FbOrder o;
+    FbChunk c;
+    FbBeat b;
+    size_t n = fb_wire_put_status(block, &s);
+    g_assert_true(fb_wire_get_status(block, n, &back));
+    fb_wire_put_status(again, &back);
+    g_assert_true(memcmp(block, again, n) == 0);
+    n = fb_wire_put_alarm(block, &s);
+    g_assert_true(fb_wire_get_alarm(block, n, &back));
+    g_assert_cmpstr(back.alarm_text, ==, s.alarm_text);
+    g_assert_cmpstr(back.alarm_advice, ==, s.alarm_advice);
+    back.alarm_serial++;
+    g_assert_false(fb_wire_get_alarm(block, n, &back));
+
+    const FbOrder order = full_order();
+    n = fb_wire_put_order(block, &order);
+    g_assert_cmpint(fb_wire_get_order(block, n, &o), ==, FB_ANSWER_DONE);
+    fb_wire_put_order(again, &o);
+    g_assert_true(memcmp(block, again, n) == 0);
+    for (uint16_t length = 1; length <= FB_CHUNK_BYTES; length++) {
+        uint8_t bytes[FB_CHUNK_BYTES];
+        memset(bytes, length, sizeof bytes);
+        n = fb_wire_put_chunk(block, &(FbChunk){1, 2, 3, length, bytes});
+        g_assert_cmpuint(n, <=, FB_WRITE_BYTES);
+        g_assert_cmpint(fb_wire_get_chunk(block, n, &c), ==, FB_ANSWER_DONE);
+        g_assert_true(c.length == length && memcmp(c.bytes, bytes, length) == 0);
+    }
+    n = fb_wire_put_beat(block, &(FbBeat){1, 2, 3});
+    g_assert_cmpint(fb_wire_get_beat(block, n, &b), ==, FB_ANSWER_DONE);
+    g_assert_true(b.session == 1 && b.token == 2 && b.count == 3);
+}
+
+static void numbers_that_do_not_fit(void)
+{
+    uint8_t block[FB_BLOCK_BYTES];
+    FbStatus s = full_status(), back = {0};
+    s.position_mm[0] = 1e300;
+    s.position_mm[1] = -1e300;
+    s.position_mm[2] = (double)NAN;
+    s.feed_mm_min = -1;
+    g_assert_true(fb_wire_get_status(block, fb_wire_put_status(block, &s), &back));
+    test_near(back.position_mm[0], INT32_MAX / 1000.0, 1e-9, 0);
+    test_near(back.position_mm[1], INT32_MIN / 1000.0, 1e-9, 0);
+    test_near(back.position_mm[2], 0, 0, 0);
+    test_near(back.feed_mm_min, 0, 0, 0);
+}
+
+/* A text is cut between characters and always ends. */
+static void texts(void)
+{
+    char text[FB_TEXT_BYTES];
+    g_autoptr(GString) s = g_string_new("x");
+    while (s->len < 2 * FB_TEXT_BYTES)
+        g_string_append(s, "ü");
+    fb_wire_text(text, s->str);
+    g_assert_cmpuint(strlen(text), ==, FB_TEXT_BYTES - 1);
+    g_assert_true(g_utf8_validate(text, -1, NULL));
+    s->str[0] = 'y';
+    fb_wire_text(text, s->str + 1);
+    g_assert_cmpuint(strlen(text), ==, FB_TEXT_BYTES - 2);
+    fb_wire_text(text, NULL);
+    g_assert_cmpstr(text, ==, "");
+    fb_wire_text(text, "ab\xff"
+                       "cd");
+    g_assert_cmpstr(text, ==, "ab");
+}
+
+/* What a machine may never publish is refused although its CRC is right. */
+static void impossible_statuses(void)
+{
+    for (int i = 0; i < 8; i++) {
+        uint8_t block[FB_BLOCK_BYTES];
+        FbStatus s = full_status(), back = {0};
+        if (i == 0)
+            s.protocol_version = 0x0200;
+        if (i == 1)
+            s.state = FB_STATE_UNKNOWN;
+        if (i == 2)
+            s.answer = 32;
+        if (i == 3)
+            s.epoch = 0;
+        if (i == 4)
+            s.received = s.length + 1;
+        if (i == 5)
+            s.chunk_max = FB_CHUNK_BYTES + 1;
+        if (i == 6)
+            s.chunk_max = 0;
+        if (i == 7)
+            s.run_end = 4;
+        g_assert_false(fb_wire_get_status(block, fb_wire_put_status(block, &s), &back));
+    }
+}
+
+/* Any bytes of any length are refused or decoded, and read no further than their end. */
+static void any_bytes(void)
+{
+    FbStatus s = full_status();
+    FbOrder o;
+    FbChunk c;
+    FbBeat b;
+    g_autoptr(GRand) rand = g_rand_new_with_seed(20240607); /* a CRC is met once in 4e9 */
+    for (int i = 0; i < 200000; i++) {
+        const size_t n = (size_t)g_rand_int_range(rand, 0, FB_BLOCK_BYTES + 1);
+        g_autofree uint8_t *bytes = g_malloc(n + 1);
+        for (size_t j = 0; j < n; j++)
+            bytes[j] = (uint8_t)g_rand_int(rand);
+        g_assert_false(fb_wire_get_status(bytes, n, &s));
+        g_assert_false(fb_wire_get_alarm(bytes, n, &s));
+        g_assert_cmpint(fb_wire_get_order(bytes, n, &o), !=, FB_ANSWER_DONE);
+        g_assert_cmpint(fb_wire_get_chunk(bytes, n, &c), !=, FB_ANSWER_DONE);
+        g_assert_cmpint(fb_wire_get_beat(bytes, n, &b), !=, FB_ANSWER_DONE);
+    }
+}
+
+static void add(void)
+{
+    g_test_add_func("/fieldbus/wire/status-as-documented", status_as_documented);
+    g_test_add_func("/fieldbus/wire/alarm-as-documented", alarm_as_documented);
+    g_test_add_func("/fieldbus/wire/command-as-documented", command_as_documented);
+    g_test_add_func("/fieldbus/wire/chunk-and-beat-as-documented", chunk_and_beat_as_documented);
+    g_test_add_func("/fieldbus/wire/map-as-documented", map_as_documented);
+    g_test_add_func("/fieldbus/wire/there-and-back", there_and_back);
+    g_test_add_func("/fieldbus/wire/numbers-that-do-not-fit", numbers_that_do_not_fit);
+    g_test_add_func("/fieldbus/wire/texts", texts);
+    g_test_add_func("/fieldbus/wire/impossible-statuses", impossible_statuses);
+    g_test_add_func("/fieldbus/wire/any-bytes", any_bytes);
+}
+
+int main(int argc, char **argv)
+{
+    return test_main(argc, argv, add);
+}
