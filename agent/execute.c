@@ -58,6 +58,7 @@ static bool wait_for(AgentExecution *execution, FbTask task, GError **error)
     bool ok = agent_link_wait(link, task, error);
     g_source_destroy(interrupt);
     g_source_unref(interrupt);
+    agent_progress_end();
     return ok;
 }
 
@@ -67,6 +68,7 @@ bool agent_execute_deliver(AgentExecution *execution, GBytes *program, const uin
     AgentLink *link = execution->link;
     link->status = on_status;
     link->data = execution;
+    agent_progress_step("delivering");
     fb_session_deliver(link->session, program, gates, n_gates);
     return wait_for(execution, FB_TASK_DELIVER, error);
 }
@@ -77,31 +79,38 @@ bool agent_execute_start(AgentExecution *execution, GError **error)
     if (execution->follow)
         agent_follow_arm(execution->follow, fb_session_status(link->session));
     execution->started = true;
+    agent_progress_step("running");
     fb_session_start(link->session);
-    bool ok = wait_for(execution, FB_TASK_RUN, error);
-    if (ok)
-        agent_progress_share("running", 1);
-    return ok;
+    return wait_for(execution, FB_TASK_RUN, error);
 }
 
 static void show_delivery(const FbStatus *status)
 {
     if (status->state == FB_STATE_LOADING && status->length > 0)
-        agent_progress_share("delivering",
-                             0.999 * (double)status->received / (double)status->length);
+        agent_progress_share("delivering", (double)status->received / (double)status->length);
 }
 
-/* What stops a run, once; between that the bar. */
+/* Every state in which a run does not get on is told once; between them the bar moves. */
 static void show_run(AgentExecution *execution, const FbStatus *status)
 {
-    if (status->state != execution->state) {
-        execution->state = status->state;
-        if (status->state == FB_STATE_PROGRAM_STOP)
+    bool changed = status->state != execution->state;
+    execution->state = status->state;
+    switch (status->state) {
+    case FB_STATE_RUNNING:
+        if (execution->follow)
+            agent_progress_share("running", agent_follow_share(execution->follow));
+        break;
+    case FB_STATE_READY:
+    case FB_STATE_TOOL_CHANGE:
+    case FB_STATE_COMPLETE:
+        break;
+    case FB_STATE_PROGRAM_STOP:
+        if (changed)
             agent_progress_note("program stop in line %u; `segmill resume --to %s` goes on",
                                 status->line, execution->name);
-        else if (status->state != FB_STATE_RUNNING && status->state != FB_STATE_TOOL_CHANGE)
-            agent_progress_note("%s", fb_state_name(status->state));
+        break;
+    default:
+        if (changed)
+            agent_progress_note("the machine is %s", fb_state_name(status->state));
     }
-    if (status->state == FB_STATE_RUNNING && execution->follow)
-        agent_progress_share("running", MIN(0.999, agent_follow_share(execution->follow)));
 }

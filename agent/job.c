@@ -77,23 +77,31 @@ static bool load_machine(AgentJob *job, GError **error)
     return job->tools;
 }
 
-static double seconds_since(int64_t start_us)
+/* A step begins: its start on the monotonic clock. */
+static int64_t begin(const char *what)
 {
+    agent_progress_step(what);
+    return g_get_monotonic_time();
+}
+
+/* It ends: the seconds it took. */
+static double end(int64_t start_us)
+{
+    agent_progress_end();
     return (double)(g_get_monotonic_time() - start_us) * 1e-6;
 }
 
 static bool load_part(AgentJob *job, GError **error)
 {
-    int64_t start_us = g_get_monotonic_time();
     NcBudget budget;
     if (!nc_budget_share(job->recipe, &budget, error))
         return false;
     job->load = SEG_LOAD_DEFAULTS;
     job->load.chord_mm = budget.tessellation_mm;
-    agent_progress_step("reading the part");
+    int64_t start_us = begin("reading the part");
     g_autoptr(GError) cause = NULL;
     job->part = seg_part_load(job->recipe->part_file, &job->load, &cause);
-    job->read_s = seconds_since(start_us);
+    job->read_s = end(start_us);
     if (job->part)
         return true;
     /* A part that cannot be read is bad input, whatever kept it from being read. */
@@ -135,13 +143,12 @@ SegFeatureSizeParams agent_feature_size_params(const CfgRecipe *recipe)
 
 bool agent_job_segment(AgentJob *job, GError **error)
 {
-    int64_t start_us = g_get_monotonic_time();
-    agent_progress_step("segmenting");
+    int64_t start_us = begin("segmenting");
     SegFeatureSizeParams params = agent_feature_size_params(job->recipe);
     job->segmentation = job->recipe->method == CFG_METHOD_NONE
                             ? seg_segment_none(job->part, error)
                             : seg_segment_feature_size(job->part, &params, error);
-    job->segment_s = seconds_since(start_us);
+    job->segment_s = end(start_us);
     return job->segmentation;
 }
 
@@ -173,8 +180,8 @@ static void show_share(double done, void *what)
 
 bool agent_job_plan(AgentJob *job, GError **error)
 {
-    int64_t start_us = g_get_monotonic_time();
     static char planning[] = "planning", comparing[] = "planning with one tool";
+    int64_t start_us = begin(planning);
     NcPlanInput input = {.part = job->part,
                          .segmentation = job->segmentation,
                          .recipe = job->recipe,
@@ -183,16 +190,18 @@ bool agent_job_plan(AgentJob *job, GError **error)
                          .progress = show_share,
                          .progress_data = planning};
     job->plan = nc_plan_new(&input, error);
+    job->plan_s = end(start_us);
     if (!job->plan)
         return false;
     input.progress_data = comparing;
+    start_us = begin(comparing);
     g_autoptr(GError) no_baseline = NULL;
     job->baseline = nc_plan_baseline(&input, &no_baseline);
     if (!job->baseline)
         job->no_baseline = g_strdup(no_baseline->message);
     g_auto(GStrv) header = header_of(job);
     job->program = nc_program_write(job->plan, job->recipe, job->machine, header, error);
-    job->plan_s = seconds_since(start_us);
+    job->plan_s += end(start_us);
     return job->program;
 }
 
@@ -240,8 +249,7 @@ static bool write_iges(AgentJob *job, const char *folder, const char *name, bool
 
 bool agent_job_write_regions(AgentJob *job, const char *folder, GError **error)
 {
-    int64_t start_us = g_get_monotonic_time();
-    agent_progress_step("writing the regions");
+    int64_t start_us = begin("writing the regions");
     if (!agent_file_folder(folder, error))
         return false;
     g_autofree char *json = agent_regions_json(job->part, job->segmentation);
@@ -254,20 +262,19 @@ bool agent_job_write_regions(AgentJob *job, const char *folder, GError **error)
     if (ok && job->recipe->method == CFG_METHOD_FEATURE_SIZE)
         ok = write_iges(job, folder, "local.igs", true, error) &&
              write_iges(job, folder, "rest.igs", false, error);
-    job->write_s += seconds_since(start_us);
+    job->write_s += end(start_us);
     return ok;
 }
 
 bool agent_job_write_plan(AgentJob *job, const char *folder, GError **error)
 {
-    int64_t start_us = g_get_monotonic_time();
-    agent_progress_step("writing the program");
+    int64_t start_us = begin("writing the program");
     g_autofree char *json = agent_plan_json(job->plan, job->baseline, job->program);
     bool ok = agent_file_folder(folder, error) &&
               write_file(job, folder, "program.ngc", g_bytes_get_data(job->program->bytes, NULL),
                          g_bytes_get_size(job->program->bytes), error) &&
               write_text(job, folder, "plan.json", json, error);
-    job->write_s += seconds_since(start_us);
+    job->write_s += end(start_us);
     return ok;
 }
 

@@ -24,20 +24,19 @@ void agent_progress_step(const char *what)
 
 void agent_progress_share(const char *what, double done)
 {
-    if (!on_terminal()) {
-        if (done >= 1)
-            agent_progress_step(what);
+    if (!on_terminal())
         return;
-    }
-    if (done >= 1) {
-        fprintf(stderr, ERASE);
-        return;
-    }
     int full = (int)(done * WIDTH);
     fprintf(stderr, ERASE "%-24s [", what);
     for (int i = 0; i < WIDTH; i++)
         fputc(i < full ? '#' : '.', stderr);
     fprintf(stderr, "] %3d %%", (int)(done * 100));
+}
+
+void agent_progress_end(void)
+{
+    if (on_terminal())
+        fprintf(stderr, ERASE);
 }
 
 void agent_progress_note(const char *format, ...)

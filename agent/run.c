@@ -58,7 +58,9 @@ static bool reachable(const AgentOptions *options, GError **error)
 {
     agent_progress_step("looking for the machine");
     g_autoptr(AgentLink) link = agent_link_open(options, error);
-    return link && agent_link_wait_status(link, error);
+    bool answers = link && agent_link_wait_status(link, error);
+    agent_progress_end();
+    return answers;
 }
 
 static bool write_report(const AgentOptions *options, const AgentJob *job, const char *started,

@@ -98,7 +98,7 @@ static SegVec3 seen(SegVec3 p)
 static double light_of(SegVec3 normal)
 {
     SegVec3 lamp = seg_unit(seg_vec3(0.25, -0.55, 0.8));
-    return 0.35 + 0.65 * fmax(0, seg_dot(normal, lamp));
+    return 0.45 + 0.55 * fmax(0, seg_dot(normal, lamp));
 }
 
 static void draw_part(AgentRaster *raster, const SegPart *part)
