@@ -24,8 +24,8 @@ static NcJob job_of(const NcPlanner *planner, const NcRegion *region, const CfgT
 static void finish(const NcPlanner *planner, const NcJob *job, NcCuts *cuts,
                    NcOperation *operation);
 
-bool nc_planner_cut(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
-                    NcOperation *operation, GError **error)
+bool nc_planner_cut(const NcPlanner *planner, const NcRegion *region, const uint8_t *reached,
+                    const CfgRegion *wish, NcOperation *operation, GError **error)
 {
     CfgStrategy strategy = wish ? wish->strategy : CFG_STRATEGY_AUTO;
     bool parametric = nc_iso_parametric_can(region, planner->input->part);
@@ -37,10 +37,6 @@ bool nc_planner_cut(const NcPlanner *planner, const NcRegion *region, const CfgR
         return false;
     }
     NcJob job = job_of(planner, region, operation->tool);
-    g_autofree uint8_t *reached = g_new(uint8_t, region->n_samples + 1);
-    nc_reach(planner->terrain, region, &job.trace.body, planner->floor_mm,
-             planner->input->recipe->tolerance_mm, reached);
-
     Trial best = {.left_mm2 = INFINITY};
     if (strategy != CFG_STRATEGY_ISO_PARAMETRIC)
         best = try_strategy(planner, &job, operation, CFG_STRATEGY_ISO_PLANAR, reached);

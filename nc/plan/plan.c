@@ -10,8 +10,8 @@ static void planner_clear(NcPlanner *planner);
 static NcPlan *plan_of(NcPlanner *planner, CfgMethod method, GArray *operations);
 static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray *operations,
                         GError **error);
-static bool cut_region(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
-                       const NcReach *reach, NcOperation *operation, GError **error);
+static bool add_operation(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
+                          NcOperation *operation, GArray *operations, GError **error);
 static void sort_operations(GArray *operations);
 static void operation_clear(void *operation);
 
@@ -56,19 +56,15 @@ NcPlan *nc_plan_baseline(const NcPlanInput *input, GError **error)
     }
     g_autoptr(NcRegion) whole =
         nc_region_new(input->part, &planner.setup, from, n, recipe->keep_out, recipe->n_keep_out);
-    NcReach reach = {0};
-    const CfgTool *tool = nc_technology_one_tool(&planner, (NcRegion *const *)regions->pdata,
-                                                 regions->len, whole, &reach);
     GArray *operations = g_array_new(FALSE, TRUE, sizeof(NcOperation));
     g_array_set_clear_func(operations, operation_clear);
-    NcOperation operation = {
-        .region = 1, .region_name = g_strdup("part"), .kind = SEG_REGION_REST, .tool = tool};
     bool ok = true;
-    if (tool) {
-        ok = cut_region(&planner, whole, NULL, &reach, &operation, error);
-        g_array_append_val(operations, operation);
-    } else {
-        operation_clear(&operation);
+    if (whole->n_facets > 0) {
+        NcOperation operation = {
+            .region = 1, .region_name = g_strdup("part"), .kind = SEG_REGION_REST};
+        operation.tool = nc_technology_one_tool(&planner, (NcRegion *const *)regions->pdata,
+                                                regions->len, whole);
+        ok = add_operation(&planner, whole, NULL, &operation, operations, error);
     }
     if (input->progress)
         input->progress(1, input->progress_data);
@@ -212,16 +208,19 @@ static void note(const NcPlanner *planner, const char *format, ...)
     va_end(arguments);
 }
 
-static void note_unreachable(const NcPlanner *planner, const NcOperation *operation,
-                             const NcReach *reach)
+static void note_reach(const NcPlanner *planner, const NcOperation *operation, const NcReach *reach)
 {
+    static const char *const up[] = {"+X", "-X", "+Y", "-Y", "+Z", "-Z"};
     double left = nc_reach_unreachable_mm2(reach);
     if (left <= 0)
         return;
+    g_autofree char *tool = nc_planner_tool_name(operation->tool);
     note(planner,
-         "region %d '%s': %.4g of %.4g mm² cannot be reached in three axes (%.4g facing down or "
-         "covered, %.4g too narrow for the cutter, %.4g for shank or holder, %.4g below the part)",
-         operation->region, operation->region_name, left, reach->requested_mm2, reach->downward_mm2,
+         "region %d '%s': %.4g of %.4g mm² reachable in three axes from %s with %s; left are %.4g "
+         "facing down or covered, %.4g too narrow for the cutter, %.4g because of shank or holder, "
+         "%.4g with the tip below the part",
+         operation->region, operation->region_name, reach->requested_mm2 - left,
+         reach->requested_mm2, up[planner->input->recipe->up], tool, reach->downward_mm2,
          reach->cutter_mm2, reach->body_mm2, reach->floor_mm2);
 }
 
@@ -240,8 +239,7 @@ static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray 
         note(planner, "region %d '%s': all of its faces are kept out", from->id, from->name);
         return true;
     }
-    NcReach reach = {0};
-    const CfgTool *tool;
+    const CfgTool *tool = NULL;
     if (wish && wish->tool != 0) {
         tool = cfg_tools_find(planner->input->tools, wish->tool);
         if (!tool) {
@@ -250,43 +248,45 @@ static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray 
                         wish->tool);
             return false;
         }
-        reach = nc_technology_reach(planner, region, tool, NULL);
     } else {
-        tool = nc_technology_tool(planner, region, &reach);
+        tool = nc_technology_tool(planner, region);
     }
     NcOperation operation = {
         .region = from->id, .region_name = g_strdup(from->name), .kind = from->kind, .tool = tool};
-    note_unreachable(planner, &operation, &reach);
-    double left = nc_reach_unreachable_mm2(&reach);
-    if (!tool || left >= reach.requested_mm2 * (1 - 1e-9)) {
-        note(planner, "region %d '%s': no operation, because nothing of it can be reached",
-             from->id, from->name);
-        operation_clear(&operation);
-        return true;
-    }
-    bool ok = cut_region(planner, region, wish, &reach, &operation, error);
-    g_array_append_val(operations, operation);
-    return ok;
+    return add_operation(planner, region, wish, &operation, operations, error);
 }
 
-static bool cut_region(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
-                       const NcReach *reach, NcOperation *operation, GError **error)
+/* Cuts the region and takes the operation over; nothing is added where nothing can be reached. */
+static bool add_operation(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
+                          NcOperation *operation, GArray *operations, GError **error)
 {
-    operation->requested_area_mm2 = reach->requested_mm2;
-    operation->unreachable_area_mm2 = nc_reach_unreachable_mm2(reach);
-    if (!nc_technology_cutting(planner, wish, operation, error) ||
-        !nc_technology_depth(planner, operation, error) ||
-        !nc_planner_cut(planner, region, wish, operation, error))
-        return false;
-    if (operation->path.locations->len > 0)
+    g_autofree uint8_t *reached = g_new(uint8_t, region->n_samples + 1);
+    NcReach reach = nc_technology_reach(planner, region, operation->tool, reached);
+    operation->requested_area_mm2 = reach.requested_mm2;
+    operation->unreachable_area_mm2 = nc_reach_unreachable_mm2(&reach);
+    note_reach(planner, operation, &reach);
+    if (operation->unreachable_area_mm2 >= reach.requested_mm2 * (1 - 1e-9)) {
+        operation_clear(operation);
         return true;
-    g_autofree char *name = nc_planner_tool_name(operation->tool);
-    g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
-                "region %d '%s': %s reaches %.4g of %.4g mm², but %s passes touch none of it",
-                operation->region, operation->region_name, name,
-                reach->requested_mm2 - operation->unreachable_area_mm2, reach->requested_mm2,
-                nc_strategy_name(operation->strategy));
-    return false;
+    }
+    bool ok = nc_technology_cutting(planner, wish, operation, error) &&
+              nc_technology_depth(planner, operation, error) &&
+              nc_planner_cut(planner, region, reached, wish, operation, error);
+    if (ok && operation->path.locations->len == 0) {
+        g_autofree char *name = nc_planner_tool_name(operation->tool);
+        g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                    "region %d '%s': %s can reach %.4g of %.4g mm², but %s passes touch none of it "
+                    "(walls?); choose another strategy or skip = true in [region.%s]",
+                    operation->region, operation->region_name, name,
+                    reach.requested_mm2 - nc_reach_unreachable_mm2(&reach), reach.requested_mm2,
+                    nc_strategy_name(operation->strategy), operation->region_name);
+        ok = false;
+    }
+    if (ok)
+        g_array_append_val(operations, *operation);
+    else
+        operation_clear(operation);
+    return ok;
 }
 
 /* Larger tools first, each called once; among a tool's regions the nearest next. */

@@ -21,9 +21,10 @@ GPtrArray *nc_planner_tools(const NcPlanner *planner, GError **error);
 /* "tool 3 (ball Ø6)", for messages; caller frees. */
 char *nc_planner_tool_name(const CfgTool *tool);
 
-/* Cuts one region with one tool: strategy, order, links, time. `name`, `id` and `kind` are the
- * operation's. Leaves `operation->path` empty where nothing is touched. */
-bool nc_planner_cut(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
-                    NcOperation *operation, GError **error);
+/* Cuts one region with the operation's tool, feed and spindle: strategy, order, links, time. What
+ * the passes leave of the `reached` samples is added to unreachable_area_mm2. The path is empty
+ * where nothing was touched. */
+bool nc_planner_cut(const NcPlanner *planner, const NcRegion *region, const uint8_t *reached,
+                    const CfgRegion *wish, NcOperation *operation, GError **error);
 
 #endif

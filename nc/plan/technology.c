@@ -9,16 +9,27 @@
 #define COSINE_LEVEL 0.99996
 #define FLAT_SLANTING 0.02
 
+/* Tools are compared by about so many samples of a region. */
+#define TRIAL_SAMPLES 1500
+
+static NcReach reach_of(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
+                        size_t stride, uint8_t *reached);
 static double pass_length(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                           const uint8_t *reached);
 
 NcReach nc_technology_reach(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                             uint8_t *reached)
 {
+    return reach_of(planner, region, tool, 1, reached);
+}
+
+static NcReach reach_of(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
+                        size_t stride, uint8_t *reached)
+{
     const CfgRecipe *recipe = planner->input->recipe;
     NcBody body = nc_body(tool, recipe->stock_to_leave_mm, recipe->allowance_mm);
     return nc_reach(planner->terrain, region, &body, planner->floor_mm, recipe->tolerance_mm,
-                    reached);
+                    stride, reached);
 }
 
 /* What one tool does in a region. */
@@ -48,7 +59,8 @@ static bool suits_form(const CfgTool *tool, const NcRegion *region, const uint8_
 static Trial try_tool(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool)
 {
     g_autofree uint8_t *reached = g_new(uint8_t, region->n_samples + 1);
-    Trial trial = {.reach = nc_technology_reach(planner, region, tool, reached)};
+    size_t stride = region->n_samples / TRIAL_SAMPLES + 1;
+    Trial trial = {.reach = reach_of(planner, region, tool, stride, reached)};
     trial.floor_mm2 = trial.reach.floor_mm2;
     trial.left_mm2 = nc_reach_unreachable_mm2(&trial.reach) - trial.floor_mm2;
     trial.length_mm = pass_length(planner, region, tool, reached);
@@ -82,32 +94,41 @@ static double excess_of(const Trial *trials, guint n, guint tool, double area_mm
            fmax(trials[tool].floor_mm2 - floor_mm2 - NC_SUITS_FLOOR * area_mm2, 0);
 }
 
-const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region, NcReach *reach)
+/* The tool with the least excess, of these the one with the shortest passes, of these the widest.
+ */
+static const CfgTool *best_of(GPtrArray *tools, const Trial *trials, const double *excess)
+{
+    guint best = tools->len;
+    for (guint i = 0; i < tools->len; i++) {
+        if (isinf(trials[i].length_mm))
+            continue;
+        bool less = best == tools->len || excess[i] < excess[best];
+        if (!less && excess[i] == excess[best]) {
+            double length = trials[i].length_mm, least = trials[best].length_mm;
+            const CfgTool *tool = tools->pdata[i], *other = tools->pdata[best];
+            bool equal = fabs(length - least) <= 1e-9 * least;
+            less = equal ? tool->diameter_mm > other->diameter_mm : length < least;
+        }
+        best = less ? i : best;
+    }
+    return best < tools->len ? tools->pdata[best] : tools->pdata[0];
+}
+
+const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region)
 {
     g_autoptr(GPtrArray) tools = nc_planner_tools(planner, NULL);
     g_autofree Trial *trials = g_new(Trial, tools->len + 1);
+    g_autofree double *excess = g_new(double, tools->len + 1);
     for (guint i = 0; i < tools->len; i++)
         trials[i] = try_tool(planner, region, tools->pdata[i]);
     keep_suitable(trials, tools->len);
-    const CfgTool *best = NULL;
-    double shortest = INFINITY;
-    *reach = trials[0].reach;
-    for (guint i = 0; i < tools->len; i++) {
-        const CfgTool *tool = tools->pdata[i];
-        if (isinf(trials[i].length_mm) || excess_of(trials, tools->len, i, region->area_mm2) > 0)
-            continue;
-        bool equal = best && fabs(trials[i].length_mm - shortest) <= 1e-9 * shortest;
-        if (equal ? tool->diameter_mm > best->diameter_mm : trials[i].length_mm < shortest) {
-            best = tool;
-            shortest = trials[i].length_mm;
-            *reach = trials[i].reach;
-        }
-    }
-    return best;
+    for (guint i = 0; i < tools->len; i++)
+        excess[i] = excess_of(trials, tools->len, i, region->area_mm2);
+    return best_of(tools, trials, excess);
 }
 
 const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const *regions,
-                                      size_t n_regions, const NcRegion *whole, NcReach *reach)
+                                      size_t n_regions, const NcRegion *whole)
 {
     g_autoptr(GPtrArray) tools = nc_planner_tools(planner, NULL);
     g_autofree Trial *trials = g_new(Trial, tools->len + 1);
@@ -119,19 +140,9 @@ const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const 
         for (guint i = 0; i < tools->len; i++)
             excess[i] += excess_of(trials, tools->len, i, regions[r]->area_mm2);
     }
-    const CfgTool *best = NULL;
-    double best_excess = INFINITY, best_length = INFINITY;
-    for (guint i = 0; i < tools->len; i++) {
-        Trial trial = try_tool(planner, whole, tools->pdata[i]);
-        if (isinf(trial.length_mm) || excess[i] > best_excess ||
-            (excess[i] == best_excess && trial.length_mm >= best_length))
-            continue;
-        best = tools->pdata[i];
-        best_excess = excess[i];
-        best_length = trial.length_mm;
-        *reach = trial.reach;
-    }
-    return best;
+    for (guint i = 0; i < tools->len; i++)
+        trials[i] = try_tool(planner, whole, tools->pdata[i]);
+    return best_of(tools, trials, excess);
 }
 
 /* Length of passes over what is reached, for planes that lie worst: along the slope. INFINITY where

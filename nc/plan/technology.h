@@ -15,15 +15,15 @@
  * The tool for a region: of the tools that suit it by their reach and their form (flat ends only
  * where the ground is level or a wall; corners not larger than the smallest concave radius, where
  * there are such), the largest: the one whose passes may lie furthest apart over the region for the
- * scallop height. NULL where no tool reaches anything.
+ * scallop height. The first of the table where no tool reaches anything.
  */
-const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region, NcReach *reach);
+const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region);
 
 /* The one tool for all regions: it suits each of them, or, where none does, leaves least. */
 const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const *regions,
-                                      size_t n_regions, const NcRegion *whole, NcReach *reach);
+                                      size_t n_regions, const NcRegion *whole);
 
-/* What is reached by one tool. */
+/* What one tool reaches; `reached` as of nc_reach, may be NULL. */
 NcReach nc_technology_reach(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                             uint8_t *reached);
 

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/toolpath/reach.h"
 
+#include <string.h>
+
 #define HOLDER_CLEARANCE_MM 0.5
 /* Places tried for a flat bottom on level ground: the axis over the point, and around it. */
 #define PLACES 13
@@ -34,8 +36,10 @@ bool nc_body_clear(const NcTerrain *terrain, const NcBody *body, SegVec3 tip)
     nc_terrain_bounds(terrain, &min, &max);
     if (tip.z + fmin(body->shank_mm, body->holder_mm) >= max.z)
         return true;
-    return nc_drop(terrain, body->shank, tip.x, tip.y, NULL, NULL) <= tip.z + body->shank_mm &&
-           nc_drop(terrain, body->holder, tip.x, tip.y, NULL, NULL) <= tip.z + body->holder_mm;
+    SegVec3 shank = {tip.x, tip.y, tip.z + body->shank_mm};
+    SegVec3 holder = {tip.x, tip.y, tip.z + body->holder_mm};
+    return nc_sweep_clear(terrain, body->shank, shank, shank, 0) &&
+           nc_sweep_clear(terrain, body->holder, holder, holder, 0);
 }
 
 double nc_reach_unreachable_mm2(const NcReach *reach)
@@ -44,18 +48,21 @@ double nc_reach_unreachable_mm2(const NcReach *reach)
 }
 
 NcReach nc_reach(const NcTerrain *terrain, const NcRegion *region, const NcBody *body,
-                 double floor_mm, double tolerance_mm, uint8_t *reached)
+                 double floor_mm, double tolerance_mm, size_t stride, uint8_t *reached)
 {
     g_autofree Verdict *verdict = g_new(Verdict, region->n_samples + 1);
 #pragma omp parallel for schedule(dynamic, 32)
-    for (size_t i = 0; i < region->n_samples; i++) {
+    for (size_t i = 0; i < region->n_samples; i += stride) {
         const NcSample *sample = &region->samples[i];
         verdict[i] = touch(terrain, sample, region->facets[sample->facet].downward, body, floor_mm,
                            tolerance_mm);
     }
     NcReach reach = {.requested_mm2 = region->area_mm2};
-    for (size_t i = 0; i < region->n_samples; i++) {
-        double area = region->samples[i].area_mm2;
+    if (reached)
+        memset(reached, 0, region->n_samples);
+    size_t n = (region->n_samples + stride - 1) / stride;
+    double area = n > 0 ? region->area_mm2 / (double)n : 0;
+    for (size_t i = 0; i < region->n_samples; i += stride) {
         reach.downward_mm2 += verdict[i] == DOWNWARD ? area : 0;
         reach.cutter_mm2 += verdict[i] == CUTTER ? area : 0;
         reach.body_mm2 += verdict[i] == BODY ? area : 0;
@@ -85,7 +92,7 @@ static Verdict touch(const NcTerrain *terrain, const NcSample *sample, bool down
         SegVec3 side =
             level ? seg_vec3(cos(angle), sin(angle), 0) : seg_vec3(n.x / slope, n.y / slope, 0);
         SegVec3 tip = seg_along(seg_vec3(c.x, c.y, c.z - r), side, reach);
-        if (nc_drop(terrain, body->cutter, tip.x, tip.y, NULL, NULL) > tip.z)
+        if (!nc_sweep_clear(terrain, body->cutter, tip, tip, 0))
             continue;
         if (nc_body_clear(terrain, body, tip))
             return REACHED;

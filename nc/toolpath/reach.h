@@ -40,10 +40,10 @@ double nc_reach_unreachable_mm2(const NcReach *reach);
 
 /*
  * Measures it: a sample is reached where the cutter, touching it from the side of its normal but
- * backed off by `tolerance_mm`, is clear of the whole part. `reached` (may be NULL) has a byte for
- * each sample of the region.
+ * backed off by `tolerance_mm`, is clear of the whole part. Only every `stride`th sample is looked
+ * at. `reached` (may be NULL) has a byte for each sample of the region; 0 for those left out.
  */
 NcReach nc_reach(const NcTerrain *terrain, const NcRegion *region, const NcBody *body,
-                 double floor_mm, double tolerance_mm, uint8_t *reached);
+                 double floor_mm, double tolerance_mm, size_t stride, uint8_t *reached);
 
 #endif

@@ -3,10 +3,9 @@
 
 #include <string.h>
 
-/* Of the chord share: what thinning may use (laying used the rest), and how finely moves are
- * proved. */
+/* Of the chord share: what thinning may use (laying used the rest), and the shortest move that is
+ * halved. */
 #define THIN 0.5
-#define RESOLUTION 0.25
 #define SHORTEST 0.25
 #define ROUNDS 40
 
@@ -66,9 +65,7 @@ static void thin(NcPiece *piece, double tolerance)
 /* What stands between a and b so that neither move gouges; false where nothing more is needed. */
 static bool repair(const NcTrace *trace, SegVec3 a, SegVec3 b, SegVec3 *between)
 {
-    double resolution = RESOLUTION * trace->chord_mm;
-    double most = trace->chord_mm - resolution;
-    if (nc_sweep_gouge_mm(trace->terrain, trace->body.cutter, a, b, resolution) <= most)
+    if (nc_sweep_clear(trace->terrain, trace->body.cutter, a, b, trace->chord_mm))
         return false;
     double level = hypot(b.x - a.x, b.y - a.y);
     SegVec3 middle = seg_lerp(a, b, 0.5);
