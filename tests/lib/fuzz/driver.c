@@ -26,6 +26,7 @@ static void run(const uint8_t *data, size_t size)
 static void mutate(GByteArray *bytes, GRand *random)
 {
     int edits = g_rand_int_range(random, 1, MAX_EDITS + 1);
+    guint8 repeated[64];
     for (int i = 0; i < edits && bytes->len > 0; i++) {
         guint at = (guint)g_rand_int_range(random, 0, (gint32)bytes->len);
         switch (g_rand_int_range(random, 0, 4)) {
@@ -39,7 +40,8 @@ static void mutate(GByteArray *bytes, GRand *random)
             g_byte_array_set_size(bytes, at);
             break;
         case 3:
-            g_byte_array_append(bytes, bytes->data + at, MIN(bytes->len - at, 64));
+            memcpy(repeated, bytes->data + at, MIN(bytes->len - at, sizeof repeated));
+            g_byte_array_append(bytes, repeated, MIN(bytes->len - at, sizeof repeated));
             break;
         }
     }
