@@ -192,7 +192,8 @@ typedef struct {
 } NcProgram;
 
 /* Writes the plan in the machine's dialect. `header` lines become comments at the top (may be
- * NULL). Errors: NC_ERROR_LIMIT where a move leaves the machine's travel. */
+ * NULL). Errors: NC_ERROR_LIMIT, naming region, axis and value, where a move leaves the machine's
+ * travel; NC_ERROR_PLAN for what cannot be written (dialect, feed, tilted axis, no moves). */
 NcProgram *nc_program_write(const NcPlan *plan, const CfgRecipe *recipe, const CfgMachine *machine,
                             char *const *header, GError **error);
 
@@ -232,7 +233,7 @@ typedef struct {
     double feed_mm_min;
     double spindle_rpm; /* positive clockwise (M3), negative M4, 0 off */
     double dwell_s;
-    double tolerance_mm; /* G64 P in force; 0 with G61; INFINITY where G64 names none */
+    double tolerance_mm; /* G64 P in force; 0 with G61; INFINITY with G64 and no P, or P0 */
     bool exact_stop;     /* G61.1 in force */
     bool coolant_mist, coolant_flood;
 } NcMove;
@@ -286,9 +287,11 @@ typedef struct {
 } NcTimedMove;
 
 /*
- * Plans the moves with the machine's accelerations: trapezoidal, per axis; corners taken at the
- * speed that keeps the path tolerance in force (exact stop with G61); tool changes, spindle ramps
- * and dwells take their times. Returns n NcTimedMoves (g_free); the end is last.start + duration.
+ * Plans the moves with the machine's accelerations: trapezoidal, per axis, looking ahead over all
+ * of them. Corners are taken at the speed that keeps the path tolerance in force: with G61 the
+ * machine stops at all but tangents, with G61.1 after every move; the rule, with its source, is in
+ * nc/motion/plan.c. Tool changes, spindle ramps and dwells take their times, and the axes stand
+ * meanwhile. Returns n NcTimedMoves (g_free); the end is last.start + duration. O(n).
  */
 NcTimedMove *nc_motion_plan(const CfgMachine *machine, const NcMove *moves, size_t n);
 

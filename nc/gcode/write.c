@@ -84,6 +84,15 @@ static void gate(Writer *w)
     g_array_append_val(w->gates, offset);
 }
 
+/* Marks where the tool comes clear of the part. Where Z is not known it is at the top. */
+static void watch_height(Writer *w)
+{
+    bool clear = !w->known[2] || w->at[2] >= w->clearance;
+    if (clear && !w->clear)
+        gate(w);
+    w->clear = clear;
+}
+
 /* ------------------------------------------------------------ beginning and end */
 
 /* To the top of the Z travel, which is written so that rounding stays within it. */
@@ -95,7 +104,7 @@ static void write_top(Writer *w)
     nc_text_put(&w->text, "\n");
     w->motion = 0;
     w->known[2] = false;
-    w->clear = true;
+    watch_height(w);
 }
 
 static bool write_preamble(Writer *w, const NcPlan *plan, const CfgRecipe *recipe,
@@ -116,7 +125,6 @@ static bool write_preamble(Writer *w, const NcPlan *plan, const CfgRecipe *recip
     nc_text_word(&w->text, 'P', tolerance, TOLERANCE_DECIMALS);
     nc_text_printf(&w->text, "\nG%d\n", recipe->wcs);
     write_top(w);
-    gate(w);
     return true;
 }
 
@@ -139,82 +147,51 @@ static void write_end(Writer *w)
 
 /* ------------------------------------------------------------------------ moves */
 
-static void space(Writer *w, size_t begun)
+static void write_word(Writer *w, size_t begun, char letter, int64_t value, int decimals)
 {
     if (w->text.length > begun)
         nc_text_put(&w->text, " ");
+    nc_text_word(&w->text, letter, value, decimals);
 }
 
-/* A block of G0 or G1; nothing where nothing changes. */
-static void write_line(Writer *w, int motion, const int64_t to[3])
+/* A block of G0 or G1 with the first `axes` axes of `to`; nothing where none changes. */
+static void write_block(Writer *w, int motion, const int64_t to[3], int axes, int64_t feed)
 {
-    static const char letter[] = "XYZ";
     NcText *text = &w->text;
     size_t begun = text->length;
-    bool changed[3], any = false;
-    for (int axis = 0; axis < 3; axis++) {
+    bool moves = false, changed[3];
+    for (int axis = 0; axis < axes; axis++) {
         changed[axis] = !w->known[axis] || to[axis] != w->at[axis];
-        any = any || changed[axis];
+        moves = moves || changed[axis];
     }
-    if (!any)
+    if (!moves)
         return;
-    if (motion != w->motion) {
+    if (motion != w->motion)
         nc_text_put(text, motion == 0 ? "G0" : "G1");
-        w->motion = motion;
+    w->motion = motion;
+    for (int axis = 0; axis < axes; axis++) {
+        if (changed[axis])
+            write_word(w, begun, (char)('X' + axis), to[axis], w->decimals);
+        w->at[axis] = to[axis];
+        w->known[axis] = true;
     }
-    for (int axis = 0; axis < 3; axis++) {
-        if (changed[axis]) {
-            space(w, begun);
-            nc_text_word(text, letter[axis], to[axis], w->decimals);
-            w->at[axis] = to[axis];
-            w->known[axis] = true;
-        }
-    }
-}
-
-/* Ends a block begun by write_line, with its feed, and marks where the tool has come clear. */
-static void end_line(Writer *w, size_t begun, int64_t feed)
-{
-    NcText *text = &w->text;
-    if (text->length == begun)
-        return;
-    if (feed > 0 && feed != w->feed) {
-        space(w, begun);
-        nc_text_word(text, 'F', feed, SPEED_DECIMALS);
+    if (motion == 1 && feed != w->feed) {
+        write_word(w, begun, 'F', feed, SPEED_DECIMALS);
         w->feed = feed;
     }
     nc_text_put(text, "\n");
-    bool clear = w->known[2] && w->at[2] >= w->clearance;
-    if (clear && !w->clear)
-        gate(w);
-    w->clear = clear || (w->clear && !w->known[2]);
+    watch_height(w);
 }
 
-static void write_feed(Writer *w, const int64_t to[3], int64_t feed)
-{
-    size_t begun = w->text.length;
-    write_line(w, 1, to);
-    end_line(w, begun, feed);
-}
-
-/* Up first and then across, or across first and then down. */
+/* Up first and then across, or across first and then down; from the top it is down. */
 static void write_rapid(Writer *w, const int64_t to[3])
 {
-    bool up = w->known[2] && to[2] > w->at[2];
-    int64_t corner[3] = {to[0], to[1], w->at[2]};
-    if (up) {
-        corner[0] = w->at[0];
-        corner[1] = w->at[1];
-        corner[2] = to[2];
+    if (w->known[2] && to[2] > w->at[2]) {
+        const int64_t above[3] = {w->at[0], w->at[1], to[2]};
+        write_block(w, 0, above, 3, 0);
     }
-    size_t begun = w->text.length;
-    if (w->known[2]) {
-        write_line(w, 0, corner);
-        end_line(w, begun, 0);
-        begun = w->text.length;
-    }
-    write_line(w, 0, to);
-    end_line(w, begun, 0);
+    write_block(w, 0, to, 2, 0);
+    write_block(w, 0, to, 3, 0);
 }
 
 static bool outside(const Writer *w, SegVec3 tip, int axis, GError **error)
@@ -306,14 +283,6 @@ static bool write_approach(Writer *w, SegVec3 first, GError **error)
     first.z = (double)w->clearance / nc_text_power[w->decimals];
     if (!scale_point(w, first, to, error))
         return false;
-    if (!w->known[2]) {
-        size_t begun = w->text.length;
-        int64_t above[3] = {to[0], to[1], w->at[2]};
-        w->known[2] = true;
-        write_line(w, 0, above);
-        w->known[2] = false;
-        end_line(w, begun, 0);
-    }
     write_rapid(w, to);
     return true;
 }
@@ -352,7 +321,7 @@ static bool write_operation(Writer *w, const NcOperation *operation, GError **er
         if (location->motion == NC_RAPID)
             write_rapid(w, to);
         else
-            write_feed(w, to, location->motion == NC_LEAD ? plunge : feed);
+            write_block(w, 1, to, 3, location->motion == NC_LEAD ? plunge : feed);
     }
     to[2] = MAX(to[2], w->clearance);
     write_rapid(w, to);

@@ -185,7 +185,8 @@ static void set_times(const CfgMachine *machine, const NcMove *moves, NcTimedMov
         if (t->length_mm > 0.0) {
             t->duration_s = travel_time(t);
         } else if (!nc_move_travels(&moves[i])) {
-            t->duration_s = fabs(moves[i].spindle_rpm - rpm) / machine->spindle_rpm_per_s;
+            if (moves[i].spindle_rpm != rpm)
+                t->duration_s = fabs(moves[i].spindle_rpm - rpm) / machine->spindle_rpm_per_s;
             t->duration_s += moves[i].kind == NC_MOVE_DWELL         ? moves[i].dwell_s
                              : moves[i].kind == NC_MOVE_TOOL_CHANGE ? machine->tool_change_s
                                                                     : 0.0;
