@@ -192,6 +192,7 @@ static void chunks(void)
 {
     Rig rig = rig_new();
     const char *p = RIG_PROGRAM;
+    static const uint8_t zeros[100];
     uint8_t table[2 * FB_GATE_BYTES];
     fb_wire_put_gates(table, RIG_GATES, 2);
     rig_lead(&rig, FB_STATE_IDLE);
@@ -205,7 +206,7 @@ static void chunks(void)
     g_assert_cmpstr(fb_answer_name(rig_chunk(&rig, 16, "g0 X1", 5)), ==, "CONFLICT");
     g_assert_cmpstr(fb_answer_name(rig_chunk(&rig, 22, p + 6, 4)), ==, "GAP");
     g_assert_cmpstr(fb_answer_name(rig_chunk(&rig, 20, p + 4, 4)), ==, "GAP");
-    g_assert_cmpstr(fb_answer_name(rig_chunk(&rig, 21, p + 5, 100)), ==, "MALFORMED");
+    g_assert_cmpstr(fb_answer_name(rig_chunk(&rig, 21, zeros, sizeof zeros)), ==, "MALFORMED");
     g_assert_cmpstr(fb_answer_name(rig_chunk(&rig, UINT64_MAX, p + 5, 2)), ==, "MALFORMED");
     FbChunk c = {RIG_EPOCH + 1, rig.transfer, 21, 4, (const uint8_t *)p + 5};
     g_assert_cmpstr(fb_answer_name(rig_write_chunk(&rig, &c)), ==, "WRONG_EPOCH");
