@@ -3,7 +3,6 @@
 
 #include <math.h>
 
-#include "sim/alarm.h"
 #include "sim/ramp.h"
 
 /* The machine stands where the program begins, but for rounding. */

@@ -57,7 +57,7 @@ static GArray *read_moves(GBytes *bytes, const CfgMachine *machine, const CfgToo
     if (!moves) {
         SimAlarm alarm =
             g_error_matches(cause, NC_ERROR, NC_ERROR_LIMIT) ? SIM_ALARM_LIMIT : SIM_ALARM_PROGRAM;
-        g_set_error_literal(error, SIM_ALARM, alarm, cause->message);
+        g_set_error_literal(error, SIM_ALARM, (int)alarm, cause->message);
     }
     return moves;
 }

@@ -113,6 +113,11 @@ ok "SIGTERM: summary" grep -q '^programs: 0 started' "$dir/out"
 start
 stop INT
 ok "SIGINT: status 0 and a summary" sh -c "[ $status = 0 ] && grep -q '^machine time: 0.000 s' '$dir/out'"
+start --log /dev/full
+echo ack >&7
+sleep 0.1
+stop TERM
+ok "a log that is not complete: status 1" sh -c "[ $status = 1 ] && grep -q /dev/full '$dir/err'"
 
 cat >"$dir/part.ngc" <<'NGC'
 G17 G21 G40 G49 G80 G90 G91.1 G94 G64 P0.01

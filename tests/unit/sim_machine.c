@@ -181,8 +181,14 @@ static void refused(void)
         if (cell.error)
             g_assert_nonnull(strstr(cell.error->message, "line 2, column 1: G33"));
         g_assert_cmpuint(fb_session_status(cell.session)->alarm_code, ==, SIM_ALARM_PROGRAM);
-        deliver(&cell, "(a very long comment)\nT77 M6\nM30\n", NULL, 0);
+        /* A text too long for the wire is cut between characters, and says so. */
+        deliver(&cell, "G21\nG53 G0 X501\nM30\n", NULL, 0);
         g_assert_error(cell.error, FB_ERROR, FB_ERROR_REFUSED);
+        FbStatus status = *fb_session_status(cell.session);
+        g_assert_cmpuint(status.alarm_code, ==, SIM_ALARM_LIMIT);
+        g_assert_true(g_str_has_prefix(status.alarm_text, "line 2: X would go to 501"));
+        g_assert_true(g_str_has_suffix(status.alarm_text, "…"));
+        g_assert_cmpuint(strlen(status.alarm_text), >, FB_TEXT_BYTES - 6);
         deliver(&cell, "M30\n", NULL, 0);
         g_assert_no_error(cell.error);
         wait_state(&cell, FB_STATE_READY);
