@@ -11,6 +11,7 @@
 #include <Precision.hxx>
 #include <Standard_Failure.hxx>
 #include <TopoDS.hxx>
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <iostream>
@@ -38,7 +39,11 @@ std::string part_form(const CadFile &file, double chord_mm, double angle_rad)
     std::vector<TopoDS_Face> faces;
     for (int i = 0; i < file.n_faces(); i++)
         faces.push_back(heal(file.face(i)));
-    chord_mm = tessellate(faces, chord_mm, angle_rad);
+    try {
+        chord_mm = tessellate(faces, chord_mm, angle_rad);
+    } catch (const InputError &error) {
+        throw InputError(file.path + ": " + error.what());
+    }
 
     PartTables tables;
     TopTools_IndexedMapOfShape edges;
@@ -229,23 +234,21 @@ template <typename Record> static void append(std::string &form, const std::vect
     form.append((8 - form.size() % 8) % 8, '\0');
 }
 
-static bool all_finite(const PartTables &tables)
+static bool in_range(const PartTables &tables)
 {
-    for (double x : tables.reals)
-        if (!std::isfinite(x))
-            return false;
+    auto fits = [](double x) { return std::abs(x) <= SEG_FORM_MAX_REAL; };
     for (const SegVertex &v : tables.vertices)
         for (double x : {v.position.x, v.position.y, v.position.z, v.normal.x, v.normal.y,
                          v.normal.z, v.u, v.v})
-            if (!std::isfinite(x))
+            if (!fits(x))
                 return false;
-    return true;
+    return std::all_of(tables.reals.begin(), tables.reals.end(), fits);
 }
 
 static std::string serialize(const CadFile &file, double chord_mm, const PartTables &tables)
 {
-    if (!all_finite(tables))
-        throw InputError(file.path + ": its geometry has numbers that are not finite");
+    if (!in_range(tables))
+        throw InputError(file.path + ": its geometry has numbers that are not finite, or absurd");
     SegPartHeader header = {};
     std::memcpy(header.magic, SEG_FORM_MAGIC, sizeof SEG_FORM_MAGIC);
     header.version = SEG_FORM_VERSION;

@@ -43,11 +43,14 @@ static double feasible_chord(const TopoDS_Shape &shape, double chord_mm)
     BRepBndLib::Add(shape, box, false);
     if (box.IsVoid())
         return chord_mm;
-    double least = kLeastChord * std::sqrt(box.SquareExtent());
+    double size = std::sqrt(box.SquareExtent());
+    if (!(size <= SEG_FORM_MAX_REAL))
+        throw InputError("the part is " + std::to_string(size) + " mm large");
+    double least = kLeastChord * size;
     if (chord_mm >= least)
         return chord_mm;
-    std::cerr << "the part is " << least / kLeastChord << " mm large: tessellated with a chord of "
-              << least << " mm, not " << chord_mm << " mm\n";
+    std::cerr << "the part is " << size << " mm large: tessellated with a chord of " << least
+              << " mm, not " << chord_mm << " mm\n";
     return least;
 }
 

@@ -17,6 +17,8 @@
 namespace cad
 {
 
+static const double kResolution_mm = 1e-5;
+
 static void fix_global_section(const Handle(IGESData_IGESModel) & model);
 
 std::vector<int> parse_faces(const std::string &list)
@@ -83,7 +85,8 @@ static Handle(TCollection_HAsciiString) text(const char *value)
     return new TCollection_HAsciiString(value);
 }
 
-/* What Open CASCADE would take from the clock and the machine. */
+/* What Open CASCADE would take from the clock and the machine. And from the faces' tolerances: a
+ * reader closes gaps up to the resolution, which may tilt whole edges. */
 static void fix_global_section(const Handle(IGESData_IGESModel) & model)
 {
     IGESData_GlobalSection global = model->GlobalSection();
@@ -94,6 +97,7 @@ static void fix_global_section(const Handle(IGESData_IGESModel) & model)
     global.SetInterfaceVersion(text("segmill"));
     global.SetDate(text("20000101.000000"));
     global.SetLastChangeDate(text("20000101.000000"));
+    global.SetResolution(kResolution_mm / global.UnitValue());
     global.SetAuthorName(text(""));
     global.SetCompanyName(text(""));
     model->SetGlobalSection(global);

@@ -2,9 +2,12 @@
 /*
  * What Open CASCADE itself says of a CAD file, for tests to compare with. Shares no code with
  * segmill-cad. Lengths in mm; faces from 0 in the order of TopExp_Explorer, each once.
- *   occ_judge FILE [--eps E]      a line a face: index type area xmin ymin zmin xmax ymax zmax,
+ *   occ_judge FILE [--eps E]      a line a face: index type area xmin ymin zmin xmax ymax zmax gap:
  *                                 area by BRepGProp (with E as its tolerance), box of the face's
- *                                 EDGES by BRepBndLib::AddOptimal (no triangles, no tolerances)
+ *                                 EDGES by BRepBndLib::AddOptimal (no triangles, no tolerances;
+ *                                 still up to 1e-7 too large), widest gap between the ends of
+ *                                 successive (u,v) curves, in space: BRepGProp integrates along
+ *                                 them as they are, and errs by up to gap times size
  *   occ_judge --total FILE [--eps E]   faces, area and volume of all
  *   occ_judge --check FILE        "valid" or "invalid" a face by BRepCheck_Analyzer
  *   occ_judge --points FILE FACE  reads "u v" lines (parameters of the original surface), prints
@@ -14,6 +17,7 @@
 #include <BRepBndLib.hxx>
 #include <BRepCheck_Analyzer.hxx>
 #include <BRepGProp.hxx>
+#include <BRepTools_WireExplorer.hxx>
 #include <BRep_Builder.hxx>
 #include <BRep_Tool.hxx>
 #include <Bnd_Box.hxx>
@@ -31,6 +35,7 @@
 #include <TopTools_IndexedMapOfShape.hxx>
 #include <TopoDS.hxx>
 #include <TopoDS_Compound.hxx>
+#include <TopoDS_Wire.hxx>
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -89,6 +94,31 @@ static void print_box_of_edges(const TopoDS_Face &face)
         std::printf(" %.17g", x);
 }
 
+static double widest_gap(const TopoDS_Face &face)
+{
+    Handle(Geom_Surface) surface = BRep_Tool::Surface(face);
+    double widest = 0;
+    for (TopExp_Explorer wires(face.Oriented(TopAbs_FORWARD), TopAbs_WIRE); wires.More();
+         wires.Next()) {
+        std::vector<gp_Pnt> ends; /* start and end of each edge in turn */
+        TopoDS_Face forward = TopoDS::Face(face.Oriented(TopAbs_FORWARD));
+        for (BRepTools_WireExplorer it(TopoDS::Wire(wires.Current()), forward); it.More();
+             it.Next()) {
+            double a, b;
+            Handle(Geom2d_Curve) uv = BRep_Tool::CurveOnSurface(it.Current(), forward, a, b);
+            if (uv.IsNull())
+                continue;
+            if (it.Current().Orientation() == TopAbs_REVERSED)
+                std::swap(a, b);
+            for (double t : {a, b})
+                ends.push_back(surface->Value(uv->Value(t).X(), uv->Value(t).Y()));
+        }
+        for (size_t i = 1; i < ends.size(); i += 2)
+            widest = std::max(widest, ends[i].Distance(ends[(i + 1) % ends.size()]));
+    }
+    return widest;
+}
+
 static void print_points(const TopoDS_Face &face)
 {
     Handle(Geom_Surface) surface = BRep_Tool::Surface(face);
@@ -138,7 +168,7 @@ static int judge(const std::string &mode, const std::string &path, const std::st
         }
         std::printf("%d %s %.17g", i - 1, type_name(face), area(face, eps));
         print_box_of_edges(face);
-        std::printf("\n");
+        std::printf(" %.3g\n", widest_gap(face));
     }
     return 0;
 }
