@@ -46,13 +46,13 @@ static void connect_agent(Cell *cell)
     g_assert_nonnull(cell->session);
 }
 
-static bool cell_init(Cell *cell, double speed)
+static bool cell_init(Cell *cell, double speed, double agent_timeout_s)
 {
     *cell = (Cell){0};
     rig_init(&cell->rig, 1, 1);
     g_autoptr(GError) error = NULL;
     cell->rig.machine.program_memory_bytes = 64 << 20;
-    cell->rig.machine.agent_timeout_s = 0.5;
+    cell->rig.machine.agent_timeout_s = agent_timeout_s;
     cell->folder = test_folder();
     g_autofree char *path = g_build_filename(cell->folder, "log", NULL);
     cell->log = sim_log_open(path, &error);
@@ -145,7 +145,7 @@ static char *read_log(const Cell *cell)
 static void run_twice(void)
 {
     Cell cell;
-    if (cell_init(&cell, INFINITY)) {
+    if (cell_init(&cell, INFINITY, 30)) {
         for (uint64_t i = 1; i <= 2; i++) {
             ready(&cell, "G21 G90\nT1 M6\nG53 G0 X10 F100\nG53 G1 X11\nG53 G0 X0\nM30\n", NULL, 0);
             fb_session_start(cell.session);
@@ -174,7 +174,7 @@ static void run_twice(void)
 static void refused(void)
 {
     Cell cell;
-    if (cell_init(&cell, INFINITY)) {
+    if (cell_init(&cell, INFINITY, 30)) {
         sim_machine_press(cell.machine, SIM_ACKNOWLEDGE);
         deliver(&cell, "G21\nG33 Z1 K1\nM30\n", NULL, 0);
         g_assert_error(cell.error, FB_ERROR, FB_ERROR_REFUSED);
@@ -203,7 +203,7 @@ static void refused(void)
 static void emergency_stop(void)
 {
     Cell cell;
-    if (cell_init(&cell, 1) && ready(&cell, "G21 G90 G53 G1 X400 F600\nM30\n", NULL, 0)) {
+    if (cell_init(&cell, 1, 30) && ready(&cell, "G21 G90 G53 G1 X400 F600\nM30\n", NULL, 0)) {
         fb_session_start(cell.session);
         wait_state(&cell, FB_STATE_RUNNING);
         sim_machine_press(cell.machine, SIM_ESTOP);
@@ -230,7 +230,7 @@ static void agent_lost(void)
     g_string_append(text, "M30\n");
     gates[39] = text->len;
     Cell cell;
-    if (cell_init(&cell, 1) && ready(&cell, text->str, gates, 40)) {
+    if (cell_init(&cell, 1, 0.5) && ready(&cell, text->str, gates, 40)) {
         fb_session_start(cell.session);
         wait_state(&cell, FB_STATE_RUNNING);
         g_clear_pointer(&cell.session, fb_session_free);
@@ -254,7 +254,7 @@ static void link_is_served(void)
         g_string_append_printf(text, "G53 X%d.%d\n", i % 7, i % 9);
     g_string_append(text, "M30\n");
     Cell cell;
-    if (cell_init(&cell, INFINITY) && ready(&cell, text->str, NULL, 0)) {
+    if (cell_init(&cell, INFINITY, 30) && ready(&cell, text->str, NULL, 0)) {
         fb_session_start(cell.session);
         wait_state(&cell, FB_STATE_RUNNING);
         fb_session_command(cell.session, FB_COMMAND_HOLD);
@@ -266,7 +266,7 @@ static void link_is_served(void)
         g_assert_no_error(cell.error);
         g_assert_cmpuint(fb_session_status(cell.session)->executed_blocks, ==, LINES + 2);
         g_test_message("longest silence %.0f ms", (double)cell.longest_us / 1000);
-        g_assert_cmpint(cell.longest_us, <, 1000000);
+        g_assert_cmpint(cell.longest_us, <, 3000000);
     }
     cell_clear(&cell);
 }
@@ -278,7 +278,7 @@ static void closed_while_examining(void)
         g_string_append_printf(text, "G53 X%d\n", i % 7);
     g_string_append(text, "M30\n");
     Cell cell;
-    if (cell_init(&cell, INFINITY)) {
+    if (cell_init(&cell, INFINITY, 30)) {
         sim_machine_press(cell.machine, SIM_ACKNOWLEDGE);
         g_autoptr(GBytes) program = g_bytes_new(text->str, text->len);
         const uint64_t end = text->len;
