@@ -21,6 +21,7 @@ struct FbMbap {
     int fd;
     gpointer tag;
     GIOCondition wanted;
+    bool dispatching;
     FbMbapCallbacks callbacks;
     void *data;
     int64_t heard_us;
@@ -117,6 +118,9 @@ static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer none)
     FbMbap *m = (FbMbap *)source;
     const int64_t now_us = g_source_get_time(source);
     const GIOCondition ready = g_source_query_unix_fd(source, m->tag);
+    if (m->dispatching) /* a callback runs the main loop: what came waits */
+        return G_SOURCE_CONTINUE;
+    m->dispatching = true;
     if (ready & G_IO_OUT)
         write_out(m);
     if (ready & (G_IO_IN | G_IO_HUP | G_IO_ERR) && !m->fault) {
@@ -137,6 +141,7 @@ static gboolean dispatch(GSource *source, GSourceFunc unused, gpointer none)
     else
         g_source_set_ready_time(source,
                                 m->partial_until_us == INT64_MAX ? -1 : m->partial_until_us);
+    m->dispatching = false;
     return G_SOURCE_CONTINUE;
 }
 
@@ -162,6 +167,9 @@ FbMbap *fb_mbap_new(int fd, const FbMbapCallbacks *callbacks, void *data, GMainC
     m->partial_until_us = INT64_MAX;
     m->tag = g_source_add_unix_fd(&m->source, fd, G_IO_IN);
     m->wanted = G_IO_IN;
+    /* Else GLib takes the fd out of its poll for each dispatch and puts it back, and wakes itself
+     * for both: four system calls a round trip. */
+    g_source_set_can_recurse(&m->source, TRUE);
     g_source_set_static_name(&m->source, "modbus connection");
     g_source_attach(&m->source, context);
     return m;

@@ -23,6 +23,7 @@ struct FbModbusClient {
     void *data;
     GMainContext *context;
     GSource *timer;
+    int64_t timer_us; /* when it goes off; INT64_MAX: never */
     Attempt *attempt;
     FbMbap *mbap; /* NULL: not connected */
     uint16_t transaction;
@@ -43,6 +44,16 @@ static void disconnect(FbModbusClient *c);
 static void connect_to(FbModbusClient *c);
 static void send_request(FbModbusClient *c, const FbRequest *request);
 
+/* Moving the timer wakes the main loop: it is only moved to an earlier time, and asks for the right
+ * one when it goes off. */
+static void set_timer(FbModbusClient *c, int64_t at_us)
+{
+    if (at_us >= c->timer_us)
+        return;
+    c->timer_us = at_us;
+    g_source_set_ready_time(c->timer, at_us);
+}
+
 static void carry_out(FbModbusClient *c, FbActions *actions)
 {
     g_autoptr(GError) error = actions->error;
@@ -52,7 +63,7 @@ static void carry_out(FbModbusClient *c, FbActions *actions)
         connect_to(c);
     if (actions->request)
         send_request(c, actions->request);
-    g_source_set_ready_time(c->timer, actions->wake_us);
+    set_timer(c, actions->wake_us);
     if (actions->show && c->callbacks.show)
         c->callbacks.show(c->data);
     if (actions->ended)
@@ -186,6 +197,7 @@ static void disconnect(FbModbusClient *c)
 static gboolean on_timer(gpointer data)
 {
     FbModbusClient *c = data;
+    c->timer_us = INT64_MAX;
     g_source_set_ready_time(c->timer, -1);
     step(c, &(FbEvent){.kind = FB_EVENT_TICK});
     return G_SOURCE_CONTINUE;
@@ -240,5 +252,5 @@ FbDelivery *fb_modbus_client_delivery(FbModbusClient *c)
 
 void fb_modbus_client_wake(FbModbusClient *c)
 {
-    g_source_set_ready_time(c->timer, 0);
+    set_timer(c, 0);
 }
