@@ -56,14 +56,28 @@ void fb_task_end(FbDelivery *d, FbActions *out)
     d->busy = d->finishing = d->asking = false;
 }
 
+static const char *advice(FbState state, FbAnswer answer)
+{
+    if (answer != FB_ANSWER_WRONG_STATE)
+        return fb_answer_advice(answer);
+    if (state == FB_STATE_OFF)
+        return "Switch it on and acknowledge at the machine.";
+    if (state == FB_STATE_ALARM || state == FB_STATE_ESTOP)
+        return "Mend the cause, then acknowledge at the machine.";
+    if (state >= FB_STATE_RUNNING && state <= FB_STATE_ABORTING)
+        return "A program is on: wait for its end, or abort it.";
+    return fb_answer_advice(answer);
+}
+
 static GError *refusal(const FbDelivery *d, FbCommand command, FbAnswer answer)
 {
     const FbStatus *s = &d->status;
-    const bool told = s->alarm_code != 0;
-    return g_error_new(FB_ERROR, FB_ERROR_REFUSED,
-                       "the machine refused %s in state %s: %s. %s%s%s%s", fb_command_name(command),
-                       fb_state_name(s->state), fb_answer_name(answer), fb_answer_advice(answer),
-                       told ? " " : "", told ? s->alarm_text : "", told ? ". " : "");
+    g_autofree char *alarm = s->alarm_code ? g_strdup_printf(" Alarm %u: %s. %s", s->alarm_code,
+                                                             s->alarm_text, s->alarm_advice)
+                                           : NULL;
+    return g_error_new(FB_ERROR, FB_ERROR_REFUSED, "the machine refused %s in state %s: %s. %s%s",
+                       fb_command_name(command), fb_state_name(s->state), fb_answer_name(answer),
+                       advice(s->state, answer), alarm ? alarm : "");
 }
 
 /* The lease is kept for the next task only by a delivery, and by who lets a run go on. */

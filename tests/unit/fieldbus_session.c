@@ -174,6 +174,42 @@ static void farewell(void)
     close_cell(&c);
 }
 
+/* The machine is switched off and on while it runs: never a second start, never a false end. */
+static void machine_restarts(void)
+{
+    Cell c;
+    open_cell(&c);
+    c.slow = true;
+    open_session(&c);
+    g_autoptr(GBytes) p = program(1000);
+    const uint64_t gates[] = {g_bytes_get_size(p)};
+    fb_session_deliver(c.session, p, gates, 1);
+    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    fb_session_start(c.session);
+    g_assert_true(run_until(&c, &c.starts, 1));
+    const uint16_t port = fb_modbus_server_port(c.server);
+    fb_modbus_server_free(c.server);
+    fb_receiver_free(c.receiver);
+    const FbReceiverOptions options = {.epoch = 78,
+                                       .memory_bytes = 1 << 20,
+                                       .agent_timeout_us = 5000000,
+                                       .lease_timeout_us = 30000000};
+    c.receiver = fb_receiver_new(&options);
+    c.server = fb_modbus_server_new("127.0.0.1", port, 1, c.receiver, act, &c, c.context, &c.error);
+    g_assert_no_error(c.error);
+    g_assert_true(run_until(&c, &c.done[FB_TASK_RUN], 1));
+    g_assert_error(c.error, FB_ERROR, FB_ERROR_LINK_LOST);
+    g_assert_cmpint(c.starts, ==, 1);
+    fb_session_deliver(c.session, p, gates, 1);
+    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2));
+    g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED); /* it is OFF */
+    machine(&c, FB_MACHINE_ACKNOWLEDGED);
+    fb_session_deliver(c.session, p, gates, 1);
+    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 3));
+    g_assert_no_error(c.error);
+    close_cell(&c);
+}
+
 static void add(void)
 {
     g_test_add_func("/fieldbus/session/delivers-and-runs", delivers_and_runs);
@@ -182,6 +218,7 @@ static void add(void)
     g_test_add_func("/fieldbus/session/without-machine", session_without_machine);
     g_test_add_func("/fieldbus/session/two-agents", two_agents);
     g_test_add_func("/fieldbus/session/farewell", farewell);
+    g_test_add_func("/fieldbus/session/machine-restarts", machine_restarts);
 }
 
 int main(int argc, char **argv)
