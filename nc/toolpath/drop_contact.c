@@ -155,7 +155,7 @@ static double bull_contact(NcCutter cutter, double aside, double slope)
         }
         double norm = sqrt(next_c * next_c + next_s * next_s);
         c = next_c / norm, s = next_s / norm;
-        if (fabs(step) < 1e-11)
+        if (fabs(step) < 1e-7) /* the error is of the order of its square */
             break;
     }
     return d * c;

@@ -67,18 +67,20 @@ static double enough(const Sweep *sweep)
 static void sweep_facet(Sweep *sweep, const NcFacet *facet)
 {
     const double shortest = 1e-12;
-    Moment a = moment_at(sweep, facet, 0);
-    if (a.rate <= 0)
+    Moment m = moment_at(sweep, facet, 0.5);
+    double highest = m.height + fabs(m.rate) / 2;
+    if (highest <= (m.reached ? enough(sweep) : 0))
         return;
-    Moment b = moment_at(sweep, facet, 1);
-    if (b.rate >= 0)
+    Moment end = moment_at(sweep, facet, m.rate > 0 ? 1 : 0);
+    if (m.rate * end.rate >= 0) /* rising to the end, or level */
         return;
+    Moment a = m.rate > 0 ? m : end, b = m.rate > 0 ? end : m;
     for (int i = 1; b.t - a.t > shortest && sweep->deepest_mm <= sweep->stop_mm; i++) {
         double t, height = tangents_meet(&a, &b, &t);
         if (height <= (a.reached || b.reached ? enough(sweep) : 0))
             return;
         /* Now and then by halves, so that the end is near whatever the function is. */
-        Moment m = moment_at(sweep, facet, i % 4 == 0 ? (a.t + b.t) / 2 : t);
+        m = moment_at(sweep, facet, i % 4 == 0 ? (a.t + b.t) / 2 : t);
         if (m.rate == 0)
             return;
         *(m.rate > 0 ? &a : &b) = m;
