@@ -96,13 +96,15 @@ static void follow_state(AgentFollow *follow, const FbStatus *status, double at_
     if (status->state != FB_STATE_UNKNOWN)
         follow_alarm(follow, status, at_s);
     guint n = follow->states->len;
-    FbState before =
-        n > 0 ? g_array_index(follow->states, AgentFollowState, n - 1).state : FB_N_STATES;
-    if (status->state == before)
+    if (n > 0 && g_array_index(follow->states, AgentFollowState, n - 1).state == status->state)
         return;
     AgentFollowState state = {status->state, at_s, status->line};
     g_array_append_val(follow->states, state);
-    follow_hold(follow, before, status->state, at_s);
+    /* A hold does not end because nobody can see it. */
+    if (status->state == FB_STATE_UNKNOWN)
+        return;
+    follow_hold(follow, follow->known, status->state, at_s);
+    follow->known = status->state;
 }
 
 /* ---------------------------------------------------------------------- region */

@@ -39,6 +39,7 @@ typedef struct {
     uint32_t line;
     GArray *states, *holds, *alarms; /* AgentFollowState, …Hold, …Alarm */
     /* what the next status is compared with */
+    FbState known; /* the last state seen that was not UNKNOWN */
     bool armed;
     uint32_t epoch, run_before;
     uint64_t blocks_before;

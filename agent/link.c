@@ -126,6 +126,33 @@ bool agent_link_wait_status(AgentLink *link, GError **error)
     return link->cancelled ? take_cause(link, error) : true;
 }
 
+bool agent_link_wait_ready(AgentLink *link, GError **error)
+{
+    if (!agent_link_wait_status(link, error))
+        return false;
+    const FbStatus *status = fb_session_status(link->session);
+    const char *advice = "wait for its end, or abort it";
+    switch (status->state) {
+    case FB_STATE_IDLE:
+    case FB_STATE_LOADING:
+    case FB_STATE_READY:
+    case FB_STATE_COMPLETE:
+        return true;
+    case FB_STATE_OFF:
+        advice = "a person has to switch it on and acknowledge it there";
+        break;
+    case FB_STATE_ALARM:
+    case FB_STATE_ESTOP:
+        advice = status->alarm_advice;
+        break;
+    default:
+        break;
+    }
+    g_set_error(error, FB_ERROR, FB_ERROR_REFUSED, "%s: the machine is %s and takes no program: %s",
+                link->target.address, fb_state_name(status->state), advice);
+    return false;
+}
+
 bool agent_link_wait(AgentLink *link, FbTask task, GError **error)
 {
     while (!link->done[task] && !link->cancelled)

@@ -32,6 +32,9 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentLink, agent_link_free)
 /* Waits for the first status. Errors: FB_ERROR_UNREACHABLE after the agent's give_up_s. */
 bool agent_link_wait_status(AgentLink *link, GError **error);
 
+/* The same, and that the machine's state takes a program. Errors: also FB_ERROR_REFUSED. */
+bool agent_link_wait_ready(AgentLink *link, GError **error);
+
 /* Waits until the task ends; fails with the error it ended with. */
 bool agent_link_wait(AgentLink *link, FbTask task, GError **error);
 

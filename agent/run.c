@@ -33,7 +33,7 @@ const AgentCommand agent_run = {
     .run = run,
 };
 
-static bool reachable(const AgentOptions *options, GError **error);
+static bool ready(const AgentOptions *options, GError **error);
 static bool execute(const AgentOptions *options, const AgentJob *job, AgentJson *result,
                     GError **error);
 
@@ -41,8 +41,8 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
 {
     const char *folder = options->out ? options->out : DEFAULT_FOLDER;
     g_autoptr(AgentJob) job = agent_job_for_recipe(options, error);
-    /* Before the work of planning: whether there is a machine to do it for. */
-    if (!job || !reachable(options, error) || !agent_job_segment(job, error) ||
+    /* Before the work of planning: whether there is a machine that would take the program. */
+    if (!job || !ready(options, error) || !agent_job_segment(job, error) ||
         !agent_job_plan(job, error) || !agent_job_write_regions(job, folder, error) ||
         !agent_job_write_plan(job, folder, error))
         return false;
@@ -54,13 +54,13 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
     return execute(options, job, result, error);
 }
 
-static bool reachable(const AgentOptions *options, GError **error)
+static bool ready(const AgentOptions *options, GError **error)
 {
     agent_progress_step("looking for the machine");
     g_autoptr(AgentLink) link = agent_link_open(options, error);
-    bool answers = link && agent_link_wait_status(link, error);
+    bool is_ready = link && agent_link_wait_ready(link, error);
     agent_progress_end();
-    return answers;
+    return is_ready;
 }
 
 static bool write_report(const AgentOptions *options, const AgentJob *job, const char *started,

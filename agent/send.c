@@ -92,7 +92,7 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
 {
     g_autoptr(AgentLink) link = agent_link_open(options, error);
     g_auto(Load) load = {0};
-    if (!link || !load_program(options, link, &load, error))
+    if (!link || !load_program(options, link, &load, error) || !agent_link_wait_ready(link, error))
         return false;
     AgentFollow follow = {0};
     if (load.timed)

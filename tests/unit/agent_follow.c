@@ -131,9 +131,9 @@ static AgentFollow held_and_alarmed(const AgentProgram *p)
     static const struct {
         FbState state;
         double at_s;
-    } seen[] = {{FB_STATE_RUNNING, 1}, {FB_STATE_HOLDING, 2}, {FB_STATE_HELD, 2.5},
-                {FB_STATE_RUNNING, 6}, {FB_STATE_UNKNOWN, 7}, {FB_STATE_RUNNING, 8},
-                {FB_STATE_HELD, 9}};
+    } seen[] = {{FB_STATE_RUNNING, 1}, {FB_STATE_HOLDING, 2}, {FB_STATE_UNKNOWN, 2.2},
+                {FB_STATE_HELD, 2.5},  {FB_STATE_RUNNING, 6}, {FB_STATE_UNKNOWN, 7},
+                {FB_STATE_RUNNING, 8}, {FB_STATE_HELD, 9}};
     for (size_t i = 0; i < G_N_ELEMENTS(seen); i++) {
         FbStatus status = running(10, 12);
         status.state = seen[i].state;
@@ -154,7 +154,7 @@ static void states_holds_alarms(void)
 {
     g_autoptr(AgentProgram) p = program();
     AgentFollow follow = held_and_alarmed(p);
-    g_assert_cmpuint(follow.states->len, ==, 9);
+    g_assert_cmpuint(follow.states->len, ==, 10);
     g_assert_cmpuint(follow.holds->len, ==, 2);
     g_assert_cmpuint(follow.alarms->len, ==, 1);
     if (follow.holds->len == 2) {
