@@ -5,7 +5,7 @@
 #include "nc/nc.h"
 #include "segcore/segcore.h"
 
-G_DEFINE_QUARK(agent - error - quark, agent_error)
+G_DEFINE_QUARK(agent_error, agent_error)
 
 #define ANY_CODE (-1)
 

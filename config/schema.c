@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-G_DEFINE_QUARK(cfg - error - quark, cfg_error)
+G_DEFINE_QUARK(cfg_error, cfg_error)
 
 static bool check_names(const CfgSchema *schema, const CfgIni *ini, GError **error);
 static bool read_group(const CfgSchema *schema, const CfgIni *ini, const char *pattern,

@@ -2,7 +2,7 @@
 /* The words for states, commands and answers, as docs/protocol.md has them. */
 #include "fieldbus/fieldbus.h"
 
-G_DEFINE_QUARK(fb - error - quark, fb_error)
+G_DEFINE_QUARK(fb_error, fb_error)
 
 const char *fb_state_name(FbState state)
 {

@@ -35,4 +35,4 @@ const char *sim_alarm_advice(SimAlarm alarm)
     return row(alarm)->advice;
 }
 
-G_DEFINE_QUARK(sim - alarm - quark, sim_alarm)
+G_DEFINE_QUARK(sim_alarm, sim_alarm)

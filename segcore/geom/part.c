@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-G_DEFINE_QUARK(seg - error - quark, seg_error)
+G_DEFINE_QUARK(seg_error, seg_error)
 
 typedef enum { FORMAT_UNKNOWN, FORMAT_CAD, FORMAT_MESH } Format;
 static Format format_of(const char *bytes, size_t length);
