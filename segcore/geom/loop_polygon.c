@@ -58,7 +58,7 @@ static void refine(const Outline *o, double ta, const Sample *a, double tb, cons
     }
 }
 
-/* From one end to the other, span by span; the first point is the next coedge's to give. */
+/* From one end to the other, span by span, both ends included. */
 static void append_coedge(const Outline *o)
 {
     const int max_depth = 12;
@@ -87,7 +87,25 @@ static void append_coedge(const Outline *o)
             uv[i][k] = uv[count - 1 - i][k];
             uv[count - 1 - i][k] = swap;
         }
-    g_array_set_size(o->uv, o->uv->len - 1);
+}
+
+/* Drops the points that repeat the one before, as the next coedge's first does where no gap is. */
+static void drop_repeated(const Outline *o)
+{
+    SegSurfaceTables t = seg_surface_tables(o->part->reals, o->surface);
+    const SegSurface *s = o->surface;
+    double near_u = 1e-9 * (t.knots_u[s->n_u] - t.knots_u[s->degree_u]);
+    double near_v = 1e-9 * (t.knots_v[s->n_v] - t.knots_v[s->degree_v]);
+    double(*uv)[2] = (double(*)[2])(void *)o->uv->data;
+    guint kept = 0;
+    for (guint i = 0; i < o->uv->len; i++) {
+        const double *next = uv[(i + 1) % o->uv->len];
+        if (fabs(next[0] - uv[i][0]) > near_u || fabs(next[1] - uv[i][1]) > near_v) {
+            uv[kept][0] = uv[i][0];
+            uv[kept++][1] = uv[i][1];
+        }
+    }
+    g_array_set_size(o->uv, kept);
 }
 
 /* The last face whose loops begin at or before this one: loops ascend with the faces. */
@@ -112,6 +130,7 @@ SegLoopPolygon seg_loop_polygon(const SegPart *part, int32_t loop, double chord_
         o.coedge = &part->coedges[part->loops[loop].first_coedge + i];
         append_coedge(&o);
     }
+    drop_repeated(&o);
     size_t n = o.uv->len;
     return (SegLoopPolygon){(double(*)[2])(void *)g_array_free(o.uv, FALSE), n};
 }

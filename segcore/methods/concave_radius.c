@@ -6,12 +6,17 @@
 static const double LEAST_CURVATURE = 1e-6; /* 1/mm */
 
 /* Where a tangent, times the domain, is shorter than this part of the face, a pole is near. */
-static const double LEAST_TANGENT = 1e-4;
+static const double LEAST_TANGENT = 1e-3;
+
+/* In a span this short against the domain the second derivatives are mostly rounding. */
+static const double LEAST_SPAN = 1e-5;
 
 typedef struct {
     const SegPart *part;
     const SegFace *face;
-    double least_pu, least_pv;
+    SegSurfaceTables tables;
+    double extent_u, extent_v; /* of the domain */
+    double least_mm;           /* least tangent times extent */
     double k_max;
 } Sampler;
 
@@ -21,11 +26,21 @@ typedef struct {
     double diagonal_mm;
 } Span;
 
+static bool is_in_short_span(const double *knots, int degree, int n, double t, double extent)
+{
+    int span = seg_knot_span(knots, degree, n, t);
+    return knots[span + 1] - knots[span] < LEAST_SPAN * extent;
+}
+
 static bool sample(Sampler *s, double u, double v)
 {
-    SegSurfacePoint p = seg_surface_evaluate(s->part->reals, &s->face->surface, u, v, 2);
+    const SegSurface *surface = &s->face->surface;
+    if (is_in_short_span(s->tables.knots_u, surface->degree_u, surface->n_u, u, s->extent_u) ||
+        is_in_short_span(s->tables.knots_v, surface->degree_v, surface->n_v, v, s->extent_v))
+        return false;
+    SegSurfacePoint p = seg_surface_evaluate(s->part->reals, surface, u, v, 2);
     double k_min, k_max;
-    if (seg_norm(p.pu) < s->least_pu || seg_norm(p.pv) < s->least_pv ||
+    if (seg_norm(p.pu) * s->extent_u < s->least_mm || seg_norm(p.pv) * s->extent_v < s->least_mm ||
         !seg_surface_curvature(s->face, &p, &k_min, &k_max))
         return false;
     s->k_max = fmax(s->k_max, k_max);
@@ -74,8 +89,9 @@ double seg_min_concave_radius_mm(const SegPart *part, int32_t face)
     double u0, u1, v0, v1;
     seg_face_domain(part, face, &u0, &u1, &v0, &v1);
     Span span = vertices_of(part, f);
-    double least = LEAST_TANGENT * span.diagonal_mm;
-    Sampler s = {part, f, least / (u1 - u0), least / (v1 - v0), 0};
+    Sampler s = {part,    f,       seg_surface_tables(part->reals, &f->surface),
+                 u1 - u0, v1 - v0, LEAST_TANGENT * span.diagonal_mm,
+                 0};
     sample_all(&s, &span);
     return s.k_max > LEAST_CURVATURE ? 1 / s.k_max : INFINITY;
 }
