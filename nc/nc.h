@@ -71,13 +71,15 @@ double nc_cutter_height_mm(NcCutter cutter, double distance_mm);
  * nc_terrain_new, so it may be read from many threads. */
 typedef struct NcTerrain NcTerrain;
 
-/* `triangles` index `vertices`; both are copied. */
+/* `triangles` index `vertices`, which are finite; both are copied. Which way a triangle faces is of
+ * no account; needles, walls and triangles without area count with what they have. */
 NcTerrain *nc_terrain_new(const SegVec3 *vertices, size_t n_vertices, const int32_t (*triangles)[3],
                           size_t n_triangles);
 NcTerrain *nc_terrain_from_part(const SegPart *part, const NcSetup *setup);
 void nc_terrain_free(NcTerrain *terrain);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcTerrain, nc_terrain_free)
 
+/* Without triangles min is INFINITY and max -INFINITY. */
 void nc_terrain_bounds(const NcTerrain *terrain, SegVec3 *min, SegVec3 *max);
 
 /*
@@ -97,7 +99,9 @@ void nc_drop_batch(const NcTerrain *terrain, NcCutter cutter, size_t n, const do
 /*
  * The deepest gouge of the straight move a → b: the greatest amount by which the cutter, moved
  * along it, goes below the terrain, measured along +Z; at most 0 where it never does (then minus
- * the smallest clearance found). At most `resolution_mm` below the true value.
+ * the smallest clearance found); -INFINITY where nothing is under the cutter. At most
+ * `resolution_mm` below the true value, by proof and not by sampling: ridges narrower than any
+ * step are found. The move may be of no length, vertical, or across the whole part.
  */
 double nc_sweep_gouge_mm(const NcTerrain *terrain, NcCutter cutter, SegVec3 a, SegVec3 b,
                          double resolution_mm);

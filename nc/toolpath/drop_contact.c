@@ -100,6 +100,7 @@ static NcContact edge_contact(SegVec3 p, SegVec3 q, NcCutter cutter, double x, d
     double d = sqrt(aside * aside + t * t);
     NcContact contact = {.tip_mm = -INFINITY};
     contact.point = t >= to && length > 0 ? q : seg_along(p, e, t - from);
+    contact.point.z = min2(contact.point.z, max2(p.z, q.z)); /* the tree's bounds rely on it */
     if (!reached) {
         contact.beyond_mm = max2(d - cutter.radius_mm, DBL_TRUE_MIN);
         return contact;

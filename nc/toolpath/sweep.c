@@ -95,8 +95,7 @@ static bool sweep_over(const NcFacet *facet, double *floor, void *data)
     return sweep->deepest_mm <= sweep->stop_mm;
 }
 
-/* The move in pieces no longer than half a radius in (x,y): the bounds of the walk are tight there.
- */
+/* In pieces no longer than half a radius in (x,y): there the bounds of the walk are tight. */
 static void sweep_move(Sweep *sweep, const NcTerrain *terrain, SegVec3 a, SegVec3 b)
 {
     const double most_pieces = 1 << 16;
