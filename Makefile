@@ -20,7 +20,7 @@ CFLAGS_  = -std=c17 $(WARN) $(COMMON) $(CFLAGS)
 CXXFLAGS_ = -std=c++17 $(WARN) $(COMMON) $(CXXFLAGS)
 
 # What each room may link; the include rules are in tests/rooms.txt.
-PKG      = glib-2.0 gio-2.0 gio-unix-2.0 json-glib-1.0 cairo libmodbus openssl zlib
+PKG      = glib-2.0 gio-2.0 gio-unix-2.0 json-glib-1.0 cairo libmodbus zlib
 PKG_CFLAGS := $(shell pkg-config --cflags $(PKG) 2>/dev/null | sed 's/-I/-isystem /g')
 PKG_LIBS   := $(shell pkg-config --libs $(PKG) 2>/dev/null)
 OCC_CFLAGS  = -isystem /usr/include/opencascade
@@ -91,7 +91,7 @@ $(BUILD)/vcnc: $(BUILD)/sim/vcnc.o $(filter-out $(AGENT),$(LIBS))
 OCC_OBJ = $(patsubst %.cc,$(BUILD)/%.o,$(sort $(wildcard segcore/occ/*.cc)))
 $(BUILD)/segmill-cad: $(OCC_OBJ)
 	$(call say,LD,$@)
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $^ $(OCC_LIBS) -lcrypto
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $^ $(OCC_LIBS) -lglib-2.0
 
 $(CONFIG): $(call obj,config)
 $(SEGCORE): $(call obj,segcore)

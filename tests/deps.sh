@@ -17,7 +17,6 @@ packages() {
 #: libjson-glib-dev           reading and building JSON
 #: libcairo2-dev              pictures
 #: libmodbus-dev              parsing and answering Modbus
-#: libssl-dev                 SHA-256 in segmill-cad; TLS
 #: zlib1g-dev                 crc32
 #: libocct-data-exchange-dev  IGES and STEP
 #: libocct-modeling-algorithms-dev  tessellation, NURBS conversion

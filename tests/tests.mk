@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # The test targets; included by the Makefile. Every tests/unit/ROOM_*.c and tests/fuzz/*.c is one
-# TAP program, every tests/e2e/*.sh one TAP script; prove runs them.
+# TAP program, every tests/e2e/*.sh one TAP script; prove runs them. tests/ci/*.sh are TAP scripts
+# that take long or need packages unpacked: check-ci only.
 
 UNIT      = $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/unit/*.c)))
 BENCH     = $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(sort $(wildcard tests/bench/*.c)))
@@ -20,7 +21,7 @@ check: all  ## every quick test: under 15 minutes on two cores
 	$(Q)$(PROVE) -j2 -e bash tests/e2e/*.sh
 
 .PHONY: check-ci
-check-ci: check-asan check-clang check-mutants  ## the longer proofs: under 45 minutes
+check-ci: check-asan check-clang check-mutants check-judges  ## the longer proofs: under 45 minutes
 
 # Open CASCADE's own leaks are suppressed by library; nothing of ours is.
 .PHONY: check-asan
@@ -41,6 +42,11 @@ check-clang: ready
 check-mutants: all
 	$(Q)$(MAKE) --no-print-directory NODEPS=1 tests-built
 	$(Q)SEGMILL_MUTANTS=1000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
+
+.PHONY: check-judges
+check-judges: all
+	$(Q)$(MAKE) --no-print-directory NODEPS=1 tests-built
+	$(Q)$(PROVE) -e bash tests/ci/*.sh
 
 .PHONY: soak
 soak: all  ## hours of the same: ten thousand damaged files, long fuzzing
@@ -106,7 +112,7 @@ PARTS_OBJ = $(patsubst %.cc,$(BUILD)/%.o,$(sort $(wildcard tests/parts/*.cc))) \
             $(addprefix $(BUILD)/segcore/occ/,write_iges.o cad_file.o)
 $(BUILD)/parts/make_parts: $(PARTS_OBJ)
 	$(call say,LD,$@)
-	$(Q)mkdir -p $(@D) && $(CXX) -o $@ $^ $(OCC_LIBS) -lcrypto
+	$(Q)mkdir -p $(@D) && $(CXX) -o $@ $^ $(OCC_LIBS) -lglib-2.0
 $(PARTS) &: $(BUILD)/parts/make_parts
 	$(call say,PARTS,$(@D))
 	$(Q)$< $(@D)

@@ -17,7 +17,7 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <openssl/evp.h>
+#include <glib.h>
 #include <sys/stat.h>
 
 namespace cad
@@ -89,13 +89,8 @@ static Format format_of(const std::string &path, const std::string &bytes)
 
 static std::string sha256_of(const std::string &bytes)
 {
-    unsigned char digest[EVP_MAX_MD_SIZE];
-    unsigned length = 0;
-    if (EVP_Digest(bytes.data(), bytes.size(), digest, &length, EVP_sha256(), nullptr) != 1)
-        throw std::runtime_error("SHA-256 is not available in libcrypto");
-    std::string hex;
-    for (unsigned i = 0; i < length; i++)
-        hex += {"0123456789abcdef"[digest[i] >> 4], "0123456789abcdef"[digest[i] & 15]};
+    g_autofree char *hex = g_compute_checksum_for_string(G_CHECKSUM_SHA256, bytes.data(),
+                                                         static_cast<gssize>(bytes.size()));
     return hex;
 }
 

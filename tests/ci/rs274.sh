@@ -3,7 +3,7 @@
 # LinuxCNC's own stand-alone interpreter, from Debian's package unpacked beside the build, reads the
 # programs of tests/gcode and those that the writer's test writes; what it says must agree with our
 # interpreter. Skips where the package cannot be had. Its output for tests/gcode is what is kept in
-# the tree: tests/e2e/rs274.sh --update writes it anew.
+# the tree: tests/ci/rs274.sh --update writes it anew.
 set -u
 build=$(realpath -m "${BUILD:-build}")
 judge=$build/judges/linuxcnc
