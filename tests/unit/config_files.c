@@ -72,6 +72,7 @@ static void shipped_recipe(void)
     g_autoptr(GError) error = NULL;
     g_autoptr(CfgRecipe) loaded = cfg_recipe_load(SHIPPED "/recipe.ini", NULL, &error);
     g_assert_no_error(error);
+    g_assert_nonnull(loaded);
 }
 
 static void machine(void)

@@ -179,6 +179,7 @@ static void overrides(void)
         char *set[] = {bad[i].set, NULL};
         g_autoptr(GError) refused = NULL;
         g_autoptr(CfgRecipe) none = cfg_recipe_default("part.igs", set, &refused);
+        g_assert_null(none);
         g_assert_error(refused, CFG_ERROR, CFG_ERROR_SET);
         g_assert_cmpstr(refused ? refused->message : "", ==, bad[i].message);
     }
