@@ -2,57 +2,52 @@
 /*
  * Area of a trimmed face by Green's theorem. With J = |Su × Sv| and G(u,v) the integral of J(u,s)
  * over s from the domain's lower v to v, the area inside the loops is the integral of -G du along
- * them, material on the left; where a loop has gaps they are bridged straight. The outer integral
- * runs along the pcurves, cut where they cross knots of the surface; the inner one runs up a column
- * of the surface, whose poles are summed over u once.
+ * them, material on the left; where a loop has gaps they are bridged straight. The paths are cut
+ * where they cross knots of the surface. On a piece within the j-th span of v, G is the part from
+ * that span's lower knot, integrated along the piece, and the part below it, whose integral depends
+ * on the piece's ends alone.
  */
-#include "segcore/geom/bspline.h"
+#include "segcore/geom/columns.h"
 #include "segcore/geom/integrate.h"
 
-/* Difference between 7 and 15 points that is good enough, as a part of the face's area; the
- * integrals come out far better. */
-static const double GOOD_ENOUGH = 2e-8;
-
-typedef struct {
-    double x, y, z, w;
-} Pole;
-
-/* The curve v -> S(u,v) and its derivative by u, as poles in v. */
-typedef struct {
-    const SegSurface *surface;
-    SegSurfaceTables tables;
-    double u;
-    Pole *at, *by_u; /* n_v each */
-    double constant; /* J where it is the same everywhere; else 0 */
-    double enough;
-} Column;
+/* Difference between two rules that is good enough, as a part of the face's area; the integrals
+ * come out far better. */
+static const double GOOD_ENOUGH = 1e-8;
 
 /* A walk along a path in (u,v). */
 typedef struct {
-    Column *column;
+    const SegSurface *surface;
+    SegSurfaceTables tables;
+    SegColumns *columns;
+    double constant;     /* J where it is the same everywhere; else 0 */
     const double *reals; /* the path's */
     const SegCurve *path;
+    int span_v; /* of the piece in hand */
     double enough;
+    GArray *breaks; /* of double: scratch */
 } Walk;
 
 static double walk_loop(Walk *walk, const SegPart *part, const SegLoop *loop);
-static double constant_jacobian(const SegPart *part, const SegFace *face);
+static double constant_element(const SegPart *part, const SegFace *face);
 static double rough_area(const SegPart *part, const SegFace *face);
 
 double seg_face_area_mm2(const SegPart *part, int32_t face)
 {
     const SegFace *f = &part->faces[face];
-    if (f->surface.n_u == 0)
+    const SegSurface *s = &f->surface;
+    if (s->n_u == 0)
         return 0;
-    Column column = {&f->surface, seg_surface_tables(part->reals, &f->surface),
-                     NAN,         NULL,
-                     NULL,        constant_jacobian(part, f)};
-    g_autofree Pole *poles = g_new(Pole, 2 * (size_t)f->surface.n_v);
-    column.at = poles;
-    column.by_u = poles + f->surface.n_v;
-    Walk walk = {&column, NULL, NULL, GOOD_ENOUGH * rough_area(part, f)};
-    column.enough = walk.enough / (column.tables.knots_u[f->surface.n_u] -
-                                   column.tables.knots_u[f->surface.degree_u]);
+    SegSurfaceTables tables = seg_surface_tables(part->reals, s);
+    double enough = GOOD_ENOUGH * rough_area(part, f);
+    double extent_u = tables.knots_u[s->n_u] - tables.knots_u[s->degree_u];
+    g_autoptr(GArray) breaks = g_array_new(FALSE, FALSE, sizeof(double));
+    g_autoptr(SegColumns) columns = seg_columns_new(part->reals, s, enough / extent_u);
+    Walk walk = {.surface = s,
+                 .tables = tables,
+                 .columns = columns,
+                 .constant = constant_element(part, f),
+                 .enough = enough,
+                 .breaks = breaks};
     double area = 0;
     for (int32_t l = f->first_loop; l < f->first_loop + f->n_loops; l++)
         area += walk_loop(&walk, part, &part->loops[l]);
@@ -74,7 +69,7 @@ static double rough_area(const SegPart *part, const SegFace *face)
 }
 
 /* A parallelogram: nothing to integrate. */
-static double constant_jacobian(const SegPart *part, const SegFace *face)
+static double constant_element(const SegPart *part, const SegFace *face)
 {
     const SegSurface *s = &face->surface;
     if (face->type != SEG_SURFACE_PLANE || s->degree_u != 1 || s->degree_v != 1 || s->n_u != 2 ||
@@ -89,100 +84,19 @@ static double constant_jacobian(const SegPart *part, const SegFace *face)
     return seg_norm(seg_cross(a.pu, a.pv));
 }
 
-/* ------------------------------------------------------------------ the inner integral */
+/* ------------------------------------------------------------------ paths */
 
-static void move_column(Column *column, double u)
-{
-    if (column->u == u)
-        return;
-    column->u = u;
-    const SegSurface *s = column->surface;
-    const SegSurfaceTables *t = &column->tables;
-    int p = s->degree_u, span = seg_knot_span(t->knots_u, p, s->n_u, u);
-    double basis[3][SEG_MAX_DEGREE + 1];
-    seg_basis(t->knots_u, p, span, u, 1, basis);
-    for (int j = 0; j < s->n_v; j++) {
-        Pole at = {0}, by_u = {0};
-        for (int i = 0; i <= p; i++) {
-            ptrdiff_t k = (ptrdiff_t)(span - p + i) * s->n_v + j;
-            const double *q = t->poles + 3 * k;
-            double w = t->weights ? t->weights[k] : 1;
-            double a = basis[0][i] * w, b = basis[1][i] * w;
-            at = (Pole){at.x + a * q[0], at.y + a * q[1], at.z + a * q[2], at.w + a};
-            by_u = (Pole){by_u.x + b * q[0], by_u.y + b * q[1], by_u.z + b * q[2], by_u.w + b};
-        }
-        column->at[j] = at;
-        column->by_u[j] = by_u;
-    }
-}
-
-static void add(Pole *sum, double factor, const Pole *p)
-{
-    sum->x += factor * p->x;
-    sum->y += factor * p->y;
-    sum->z += factor * p->z;
-    sum->w += factor * p->w;
-}
-
-static SegVec3 xyz(const Pole *p)
-{
-    return seg_vec3(p->x, p->y, p->z);
-}
-
-/* J at v of the column. */
-static double jacobian(void *context, double v)
-{
-    const Column *column = context;
-    const SegSurface *s = column->surface;
-    int q = s->degree_v, span = seg_knot_span(column->tables.knots_v, q, s->n_v, v);
-    double basis[3][SEG_MAX_DEGREE + 1];
-    seg_basis(column->tables.knots_v, q, span, v, 1, basis);
-    Pole a = {0}, au = {0}, av = {0};
-    for (int j = 0; j <= q; j++) {
-        const Pole *at = &column->at[span - q + j];
-        add(&a, basis[0][j], at);
-        add(&av, basis[1][j], at);
-        add(&au, basis[0][j], &column->by_u[span - q + j]);
-    }
-    SegVec3 su = xyz(&au), sv = xyz(&av);
-    if (s->rational) {
-        SegVec3 p = seg_scale(xyz(&a), 1 / a.w);
-        su = seg_scale(seg_along(su, p, -au.w), 1 / a.w);
-        sv = seg_scale(seg_along(sv, p, -av.w), 1 / a.w);
-    }
-    return seg_norm(seg_cross(su, sv));
-}
-
-/* G(u, v). */
-static double column_area(Column *column, double u, double v)
-{
-    const SegSurface *s = column->surface;
-    const double *ku = column->tables.knots_u, *kv = column->tables.knots_v;
-    u = fmin(fmax(u, ku[s->degree_u]), ku[s->n_u]);
-    double low = kv[s->degree_v];
-    v = fmin(fmax(v, low), kv[s->n_v]);
-    if (column->constant > 0)
-        return column->constant * (v - low);
-    if (v == low)
-        return 0;
-    move_column(column, u);
-    double sum = 0;
-    for (int j = s->degree_v; j < s->n_v && kv[j] < v; j++)
-        if (kv[j + 1] > kv[j])
-            sum += seg_integrate(jacobian, column, kv[j], fmin(v, kv[j + 1]), GOOD_ENOUGH,
-                                 column->enough);
-    return sum;
-}
-
-/* ------------------------------------------------------------------ the outer integral */
-
-/* -G du/dt along the path. */
+/* -G du/dt along the piece, without what lies below its span of v. */
 static double minus_g_du(void *context, double t)
 {
     Walk *walk = context;
     SegVec3 c[3];
     seg_curve_derivatives(walk->reals, walk->path, t, 1, c);
-    return c[1].x == 0 ? 0 : -column_area(walk->column, c[0].x, c[0].y) * c[1].x;
+    if (c[1].x == 0)
+        return 0;
+    if (walk->constant > 0)
+        return -walk->constant * (c[0].y - walk->tables.knots_v[1]) * c[1].x;
+    return -seg_columns_above(walk->columns, c[0].x, walk->span_v, c[0].y) * c[1].x;
 }
 
 /* The coordinate k (0: u, 1: v) of the path. */
@@ -191,6 +105,31 @@ static double coordinate(const Walk *walk, int k, double t)
     SegVec3 c[3];
     seg_curve_derivatives(walk->reals, walk->path, t, 0, c);
     return k == 0 ? c[0].x : c[0].y;
+}
+
+/* The surface's knots in one direction (0: u, 1: v). */
+typedef struct {
+    const double *knots;
+    int degree, n;
+    double near; /* a knot so close is not crossed */
+} Grid;
+
+static Grid grid_of(const Walk *walk, int k)
+{
+    const SegSurface *s = walk->surface;
+    Grid g = {k == 0 ? walk->tables.knots_u : walk->tables.knots_v,
+              k == 0 ? s->degree_u : s->degree_v, k == 0 ? s->n_u : s->n_v, 0};
+    g.near = 1e-9 * (g.knots[g.n] - g.knots[g.degree]);
+    return g;
+}
+
+/* The first knot above low, as an index; n or more where there is none below high. */
+static int next_knot(const Grid *g, double low, double high)
+{
+    int i = seg_knot_span(g->knots, g->degree, g->n, low) + 1;
+    while (i < g->n && g->knots[i] <= low)
+        i++;
+    return i < g->n && g->knots[i] < high ? i : g->n;
 }
 
 /* Where coordinate k passes `knot` between a and b, on whose sides it lies. */
@@ -213,19 +152,35 @@ static double crossing(const Walk *walk, int k, double knot, double a, double b)
     return (a + b) / 2;
 }
 
-/* Appends the crossings of [a, b] with the knots of one direction. */
-static void add_crossings(const Walk *walk, int k, double a, double b, GArray *breaks)
+/* Appends the path's crossings of the knots in direction k between a and b, within one of its
+ * spans, looking at a few points. One that is missed costs time, not correctness. */
+static void add_crossings(Walk *walk, int k, const Grid *g, double a, double b)
 {
-    const SegSurface *s = walk->column->surface;
-    int degree = k == 0 ? s->degree_u : s->degree_v, n = k == 0 ? s->n_u : s->n_v;
-    const double *knots = k == 0 ? walk->column->tables.knots_u : walk->column->tables.knots_v;
-    double from = coordinate(walk, k, a), to = coordinate(walk, k, b);
-    double low = fmin(from, to), high = fmax(from, to);
-    for (int i = seg_knot_span(knots, degree, n, low) + 1; i < n && knots[i] < high; i++)
-        if (knots[i] > low && knots[i] > knots[i - 1]) {
-            double t = crossing(walk, k, knots[i], a, b);
-            g_array_append_val(breaks, t);
-        }
+    int steps = walk->path->degree == 1 ? 1 : 2 * walk->path->degree;
+    double from = coordinate(walk, k, a);
+    for (int step = 1; step <= steps; step++) {
+        double t0 = a + (b - a) * (step - 1) / steps, t1 = a + (b - a) * step / steps;
+        double to = coordinate(walk, k, t1), high = fmax(from, to);
+        for (int i = next_knot(g, fmin(from, to), high); i < g->n && g->knots[i] < high; i++)
+            if (g->knots[i] > g->knots[i - 1]) {
+                double t = crossing(walk, k, g->knots[i], t0, t1);
+                g_array_append_val(walk->breaks, t);
+            }
+        from = to;
+    }
+}
+
+/* The hull of the path's poles of one span, in direction k. */
+static void hull(const Walk *walk, int span, int k, double *low, double *high)
+{
+    const SegCurve *c = walk->path;
+    const double *poles = seg_curve_tables(walk->reals, c).poles;
+    *low = INFINITY;
+    *high = -INFINITY;
+    for (int i = span - c->degree; i <= span; i++) {
+        *low = fmin(*low, poles[2 * i + k]);
+        *high = fmax(*high, poles[2 * i + k]);
+    }
 }
 
 static int compare_doubles(const void *a, const void *b)
@@ -234,29 +189,43 @@ static int compare_doubles(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The path's parameters between which nothing has a kink, both ends included. */
-static GArray *smooth_pieces(const Walk *walk, double first, double last)
+static double walk_piece(Walk *walk, double a, double b)
 {
-    GArray *breaks = g_array_new(FALSE, FALSE, sizeof(double));
-    const SegCurve *c = walk->path;
-    const double *knots = seg_curve_tables(walk->reals, c).knots;
-    int steps = c->degree == 1 && !c->rational ? 1 : 2 * c->degree;
-    for (int i = seg_knot_span(knots, c->degree, c->n_poles, first);
-         i < c->n_poles && knots[i] < last; i++) {
-        double from = fmax(first, knots[i]), to = fmin(last, knots[i + 1]);
-        for (int k = 0; from < to && k < steps; k++) {
-            double a = from + (to - from) * k / steps, b = from + (to - from) * (k + 1) / steps;
-            if (k == 0)
-                g_array_append_val(breaks, a);
-            if (walk->column->constant > 0)
-                continue;
-            add_crossings(walk, 0, a, b, breaks);
-            add_crossings(walk, 1, a, b, breaks);
-        }
+    int q = walk->surface->degree_v, n = walk->surface->n_v;
+    walk->span_v = q;
+    if (walk->constant > 0 || n == q + 1)
+        return seg_integrate(minus_g_du, walk, a, b, 0, walk->enough);
+    double v = coordinate(walk, 1, (a + b) / 2);
+    walk->span_v = seg_knot_span(walk->tables.knots_v, q, n, v);
+    double below = seg_columns_below(walk->columns, coordinate(walk, 0, a), coordinate(walk, 0, b),
+                                     walk->span_v);
+    return seg_integrate(minus_g_du, walk, a, b, 0, walk->enough) - below;
+}
+
+/* Over [a, b], within one of the path's spans: cut where the surface has knots, which only matters
+ * where the poles reach over one. */
+static double walk_span(Walk *walk, int span, double a, double b)
+{
+    double low, high;
+    g_array_set_size(walk->breaks, 0);
+    for (int k = 0; k < 2; k++) {
+        hull(walk, span, k, &low, &high);
+        if (k == 0 && low == high)
+            return 0; /* du = 0 */
+        Grid g = grid_of(walk, k);
+        if (walk->constant <= 0 && next_knot(&g, low + g.near, high - g.near) < g.n)
+            add_crossings(walk, k, &g, a, b);
     }
-    g_array_append_val(breaks, last);
-    g_array_sort(breaks, compare_doubles);
-    return breaks;
+    g_array_sort(walk->breaks, compare_doubles);
+    double sum = 0, from = a;
+    for (guint i = 0; i < walk->breaks->len; i++) {
+        double t = g_array_index(walk->breaks, double, i);
+        if (t <= from || t >= b)
+            continue;
+        sum += walk_piece(walk, from, t);
+        from = t;
+    }
+    return sum + walk_piece(walk, from, b);
 }
 
 static double walk_along(Walk *walk, const double *reals, const SegCurve *path, double first,
@@ -264,12 +233,13 @@ static double walk_along(Walk *walk, const double *reals, const SegCurve *path, 
 {
     walk->reals = reals;
     walk->path = path;
-    g_autoptr(GArray) breaks = smooth_pieces(walk, first, last);
+    const double *knots = seg_curve_tables(reals, path).knots;
     double sum = 0;
-    for (guint i = 0; i + 1 < breaks->len; i++) {
-        double a = g_array_index(breaks, double, i), b = g_array_index(breaks, double, i + 1);
-        if (b > a)
-            sum += seg_integrate(minus_g_du, walk, a, b, GOOD_ENOUGH, walk->enough);
+    for (int i = seg_knot_span(knots, path->degree, path->n_poles, first);
+         i < path->n_poles && knots[i] < last; i++) {
+        double a = fmax(first, knots[i]), b = fmin(last, knots[i + 1]);
+        if (a < b)
+            sum += walk_span(walk, i, a, b);
     }
     return sum;
 }
@@ -277,8 +247,8 @@ static double walk_along(Walk *walk, const double *reals, const SegCurve *path, 
 /* Straight from a to b: files have loops whose ends meet within a tolerance only. */
 static double walk_gap(Walk *walk, SegVec3 a, SegVec3 b)
 {
-    const SegSurface *s = walk->column->surface;
-    const double *knots = walk->column->tables.knots_u;
+    const SegSurface *s = walk->surface;
+    const double *knots = walk->tables.knots_u;
     if (fabs(b.x - a.x) <= 1e-9 * (knots[s->n_u] - knots[s->degree_u]))
         return 0;
     const double line[8] = {0, 0, 1, 1, a.x, a.y, b.x, b.y};

@@ -106,11 +106,9 @@ static void differentiate(const double *knots, int span, int p, const double *fr
 void seg_basis(const double *knots, int degree, int span, double t, int order,
                double basis[3][SEG_MAX_DEGREE + 1])
 {
-    double buffer[2][SEG_MAX_DEGREE + 1] = {{1}}, below[SEG_MAX_DEGREE + 1];
+    double buffer[2][SEG_MAX_DEGREE + 1], below[SEG_MAX_DEGREE + 1];
     int now = 0;
-    for (int k = 1; k <= order; k++)
-        for (int j = 0; j <= degree; j++)
-            basis[k][j] = 0;
+    buffer[0][0] = 1;
     for (int p = 1; p <= degree; p++, now ^= 1) {
         if (order >= 2 && p == degree - 1)
             differentiate(knots, span, p, buffer[now], below);
@@ -122,6 +120,8 @@ void seg_basis(const double *knots, int degree, int span, double t, int order,
         basis[0][j] = buffer[now][j];
     if (order >= 2 && degree >= 2)
         differentiate(knots, span, degree, below, basis[2]);
+    else if (order >= 2)
+        basis[2][0] = basis[2][1] = 0;
 }
 
 /* ------------------------------------------------------------------ curves */

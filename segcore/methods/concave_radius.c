@@ -11,6 +11,8 @@ static const double LEAST_TANGENT = 1e-3;
 /* In a span this short against the domain the second derivatives are mostly rounding. */
 static const double LEAST_SPAN = 1e-5;
 
+enum { MOST_SAMPLES = 1000 }; /* of centres, and of vertices */
+
 typedef struct {
     const SegPart *part;
     const SegFace *face;
@@ -62,23 +64,29 @@ static Span vertices_of(const SegPart *part, const SegFace *f)
     return span;
 }
 
+static bool sample_centre(Sampler *s, const SegTriangle *triangle)
+{
+    double u = 0, v = 0;
+    for (int k = 0; k < 3; k++) {
+        const SegVertex *corner = &s->part->vertices[triangle->vertex[k]];
+        u += corner->u / 3;
+        v += corner->v / 3;
+    }
+    return sample(s, u, v);
+}
+
+/* A cylinder or a sphere is the same everywhere; its first good point will do. */
 static void sample_all(Sampler *s, const Span *span)
 {
-    const SegPart *part = s->part;
     const SegFace *f = s->face;
     bool same_everywhere = f->type == SEG_SURFACE_CYLINDER || f->type == SEG_SURFACE_SPHERE;
-    for (int32_t t = f->first_triangle; t < f->first_triangle + f->n_triangles; t++) {
-        double u = 0, v = 0;
-        for (int k = 0; k < 3; k++) {
-            const SegVertex *corner = &part->vertices[part->triangles[t].vertex[k]];
-            u += corner->u / 3;
-            v += corner->v / 3;
-        }
-        if (sample(s, u, v) && same_everywhere)
+    int32_t step = 1 + f->n_triangles / MOST_SAMPLES;
+    for (int32_t t = 0; t < f->n_triangles; t += step)
+        if (sample_centre(s, &s->part->triangles[f->first_triangle + t]) && same_everywhere)
             return;
-    }
-    for (int32_t i = span->first; i <= span->last; i++)
-        sample(s, part->vertices[i].u, part->vertices[i].v);
+    step = 1 + (span->last - span->first) / MOST_SAMPLES;
+    for (int32_t i = span->first; i <= span->last; i += step)
+        sample(s, s->part->vertices[i].u, s->part->vertices[i].v);
 }
 
 double seg_min_concave_radius_mm(const SegPart *part, int32_t face)

@@ -11,7 +11,7 @@ SegFaceMeasure *seg_measure_faces(const SegPart *part, const SegFeatureSizeParam
 {
     SegFaceMeasure *measures = g_new(SegFaceMeasure, (size_t)part->n_faces);
     double datum_mm = seg_datum_mm(part, params);
-#pragma omp parallel for schedule(dynamic, 8)
+#pragma omp parallel for schedule(dynamic, 8) if (part->n_faces > 32)
     for (int32_t i = 0; i < part->n_faces; i++) {
         if (part->faces[i].type == SEG_SURFACE_MESH)
             measures[i] = measure_mesh(part, &part->faces[i]);

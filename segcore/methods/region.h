@@ -30,9 +30,9 @@ double seg_datum_mm(const SegPart *part, const SegFeatureSizeParams *params);
 SegFeatureSize seg_size_of_box(const SegBox *box);
 
 /*
- * Smallest concave radius of a face's surface: the vertices and the centres of the triangles are
- * sampled; points where the surface is (nearly) singular are left out, and radii above 1 km count
- * as none. Sharp edges between faces are no matter of a surface.
+ * Smallest concave radius of a face's surface: up to a thousand vertices and as many centres of
+ * triangles are sampled; points where the surface is (nearly) singular are left out, and radii
+ * above 1 km count as none. Sharp edges between faces are no matter of a surface.
  */
 double seg_min_concave_radius_mm(const SegPart *part, int32_t face);
 
