@@ -264,7 +264,7 @@ static std::vector<double> smooth_breaks(const Trace &trace)
         }
     auto tidy = [&] {
         std::sort(breaks.begin(), breaks.end());
-        double least = (b - a) * 1e-9;
+        double least = (b - a) * 1e-7;
         std::vector<double> kept = {a};
         for (double t : breaks)
             if (t > kept.back() + least && t < b - least)

@@ -29,7 +29,7 @@ namespace cad
 {
 
 static const double kQuarter = M_PI / 2;
-static const double kSameAngle = 1e-11;    /* rad: a quarter's bound closer than this is the end */
+static const double kSameAngle = 1e-6;     /* rad: no piece is shorter; an error of its square */
 static const double kSameParameter = 1e-9; /* of a range: beyond its end by rounding only */
 static const double kApproximation_mm = 1e-7;
 
