@@ -57,18 +57,17 @@ double nc_iso_planar_direction(const NcJob *job, double feed, double turn_s)
     return best;
 }
 
-/* The spacing each triangle of the part asks for; INFINITY outside of the region and on walls. */
+/* The spacing each facet asks for; INFINITY on walls. */
 static double *needed_steps(const NcJob *job, SegVec3 across)
 {
     const NcRegion *region = job->region;
-    double *needed = g_new(double, (size_t)job->part->n_triangles + 1);
-    for (int32_t t = 0; t < job->part->n_triangles; t++)
-        needed[t] = INFINITY;
+    double *needed = g_new(double, region->n_facets + 1);
     for (size_t f = 0; f < region->n_facets; f++) {
         const NcPatch *facet = &region->facets[f];
-        if (facet->normal.z >= WALL_UP)
-            needed[facet->triangle] = nc_plane_step_mm(job->trace.body.tool, job->scallop_mm,
-                                                       facet->normal, &facet->bend, across);
+        needed[f] = facet->normal.z < WALL_UP
+                        ? INFINITY
+                        : nc_plane_step_mm(job->trace.body.tool, job->scallop_mm, facet->normal,
+                                           &facet->bend, across);
     }
     return needed;
 }
@@ -89,10 +88,10 @@ static double length_of(const NcRegion *region, const double *needed, double ste
 {
     double length = 0;
     for (size_t i = 0; i < region->n_samples; i++) {
-        const NcPatch *facet = &region->facets[region->samples[i].facet];
-        if (isfinite(needed[facet->triangle]))
-            length += region->samples[i].area_mm2 * facet->normal.z *
-                      ldexp(1 / step, level_of(step, needed[facet->triangle]));
+        size_t f = region->samples[i].facet;
+        if (isfinite(needed[f]))
+            length += region->samples[i].area_mm2 * region->facets[f].normal.z *
+                      ldexp(1 / step, level_of(step, needed[f]));
     }
     return length;
 }
@@ -110,7 +109,7 @@ static double cheapest_step(const NcJob *job, const double *needed)
     g_autofree double *steps = g_new(double, region->n_samples + 1);
     size_t n = 0;
     for (size_t i = 0; i < region->n_samples; i++) {
-        double step = needed[region->facets[region->samples[i].facet].triangle];
+        double step = needed[region->samples[i].facet];
         if (isfinite(step))
             steps[n++] = step;
     }
@@ -148,7 +147,7 @@ static size_t lay_planes(const NcJob *job, const double *needed, double step, Pl
             v0 = fmin(v0, v);
             v1 = fmax(v1, v);
         }
-        levels = MAX(levels, level_of(step, needed[facet->triangle]));
+        levels = MAX(levels, level_of(step, needed[f]));
     }
     double beyond = job->trace.body.cutter.radius_mm + job->trace.overlap_mm;
     u0 -= beyond;
@@ -185,7 +184,7 @@ static double estimate_s(const NcJob *job, double direction, double feed, double
     double step = cheapest_step(job, needed), length = 0, v0 = INFINITY, v1 = -INFINITY;
     for (size_t i = 0; i < region->n_samples; i++) {
         const NcPatch *facet = &region->facets[region->samples[i].facet];
-        double need = needed[facet->triangle];
+        double need = needed[region->samples[i].facet];
         if (!isfinite(need))
             continue;
         double slope = seg_dot(facet->normal, along) / facet->normal.z;

@@ -12,7 +12,7 @@ static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setu
                       int32_t triangle);
 static NcBend bend_of(const SegVec3 corner[3], const SegVec3 normal[3], SegVec3 facet_normal);
 static void sample_facets(NcRegion *region);
-static void all_normals(NcRegion *region, const SegPart *part, const NcSetup *setup);
+static NcTerrain *terrain_of(const NcRegion *region);
 static SegVec3 up_normal(SegVec3 a, SegVec3 b, SegVec3 c, bool *downward);
 
 static bool kept_out(int32_t face, const int32_t *keep_out, size_t n)
@@ -34,7 +34,6 @@ NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegi
     NcRegion *region = g_new0(NcRegion, 1);
     region->facets = g_new(NcPatch, most + 1);
     region->pieces = g_new(const SegPiece *, n_pieces + 1);
-    region->mask = g_new0(uint8_t, (size_t)part->n_triangles + 1);
     region->min = seg_vec3(DBL_MAX, DBL_MAX, DBL_MAX);
     region->max = seg_vec3(-DBL_MAX, -DBL_MAX, -DBL_MAX);
     region->min_concave_radius_mm = INFINITY;
@@ -51,7 +50,7 @@ NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegi
                 add_facet(region, part, setup, from->triangles[i]);
     }
     sample_facets(region);
-    all_normals(region, part, setup);
+    region->terrain = terrain_of(region);
     return region;
 }
 
@@ -61,8 +60,7 @@ void nc_region_free(NcRegion *region)
         return;
     g_free(region->facets);
     g_free(region->samples);
-    g_free(region->mask);
-    g_free(region->normals);
+    nc_terrain_free(region->terrain);
     g_free(region->pieces);
     g_free(region);
 }
@@ -98,7 +96,6 @@ static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setu
                                fmax(region->max.z, corner[k].z));
     }
     facet->bend = bend_of(corner, normal, facet->normal);
-    region->mask[triangle] = 1;
     region->area_mm2 += area;
 }
 
@@ -206,17 +203,19 @@ static void sample_facets(NcRegion *region)
     }
 }
 
-static void all_normals(NcRegion *region, const SegPart *part, const NcSetup *setup)
+static NcTerrain *terrain_of(const NcRegion *region)
 {
-    region->normals = g_new(SegVec3, (size_t)part->n_triangles + 1);
-    for (int32_t t = 0; t < part->n_triangles; t++) {
-        SegVec3 corner[3];
+    size_t n = region->n_facets;
+    g_autofree SegVec3 *vertices = g_new(SegVec3, 3 * n + 1);
+    g_autofree int32_t(*triangles)[3] = g_malloc_n(n + 1, sizeof *triangles);
+    for (size_t f = 0; f < n; f++) {
+        vertices[3 * f] = region->facets[f].a;
+        vertices[3 * f + 1] = region->facets[f].b;
+        vertices[3 * f + 2] = region->facets[f].c;
         for (int k = 0; k < 3; k++)
-            corner[k] =
-                nc_setup_point(setup, part->vertices[part->triangles[t].vertex[k]].position);
-        bool downward;
-        region->normals[t] = up_normal(corner[0], corner[1], corner[2], &downward);
+            triangles[f][k] = (int32_t)(3 * f) + k;
     }
+    return nc_terrain_new(vertices, 3 * n, (const int32_t(*)[3])triangles, n);
 }
 
 static SegVec3 up_normal(SegVec3 a, SegVec3 b, SegVec3 c, bool *downward)

@@ -42,8 +42,7 @@ typedef struct {
     size_t n_facets;
     NcSample *samples;
     size_t n_samples;
-    uint8_t *mask;           /* 1 for the part's triangles that are in the region */
-    SegVec3 *normals;        /* upward facet normal of every triangle of the part */
+    NcTerrain *terrain;      /* the facets alone; its triangles are their indices */
     const SegPiece **pieces; /* of the segmentation */
     size_t n_pieces;
     double area_mm2;

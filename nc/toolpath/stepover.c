@@ -4,6 +4,11 @@
 /* Sine of the rise across from which on passes run level along a wall. */
 #define WALL 0.99
 
+/* Where the tool hardly fits the valley its axis hardly moves; passes closer than this gain
+ * nothing. */
+#define SQUEEZE_LEAST 0.1
+
+static double valley_radius(NcCutter tool, SegVec3 normal);
 static double scallop_angle(double radius, double scallop, double rho, double side);
 static double flat_step(NcCutter tool, double scallop, SegVec3 normal, double sine_across);
 
@@ -47,12 +52,23 @@ double nc_plane_step_mm(NcCutter tool, double scallop, SegVec3 normal, const NcB
     double lean = seg_dot(normal, across);
     double seen = sqrt(fmax(1 - lean * lean, 0));
     double r = tool.corner_radius_mm, step = 0;
-    if (r > 0 && seen > 0) {
-        SegVec3 q = seg_unit(seg_along(across, normal, -lean));
-        step = seen * nc_ball_centre_step_mm(r, scallop, nc_bend_along(bend, q));
-    }
+    SegVec3 q = seen > 0 ? seg_scale(seg_along(across, normal, -lean), 1 / seen) : normal;
+    double curvature = nc_bend_along(bend, q);
+    if (r >= tool.radius_mm)
+        return seen * nc_ball_centre_step_mm(r, scallop, curvature);
+    if (r > 0)
+        step = seen * nc_ball_contact_step_mm(r, scallop, curvature);
     double tilt = hypot(lean, normal.z) > 0 ? fabs(lean) / hypot(lean, normal.z) : 1;
-    return fmax(step, flat_step(tool, scallop, normal, tilt));
+    step = fmax(step, flat_step(tool, scallop, normal, tilt));
+    return step * fmax(1 - valley_radius(tool, normal) * fmax(curvature, 0), SQUEEZE_LEAST);
+}
+
+/* Steps of the axis in a valley are shorter than those of the contact by 1 - k·R, where R is the
+ * larger radius of the torus at the contact: the one around the axis. */
+static double valley_radius(NcCutter tool, SegVec3 normal)
+{
+    double sine = fmax(hypot(normal.x, normal.y), 1e-9);
+    return (tool.radius_mm - tool.corner_radius_mm) / sine + tool.corner_radius_mm;
 }
 
 double nc_contact_step_mm(NcCutter tool, double scallop, double depth, SegVec3 normal,

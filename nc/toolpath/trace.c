@@ -14,15 +14,13 @@
 typedef enum {
     BLOCKED, /* nothing below, under the floor, or shank or holder collides */
     FREE,    /* on the part, outside of what is wanted */
-    ROLL,    /* at a wanted triangle, around its edge */
+    ROLL,    /* at a wanted facet, around its edge */
     TOUCH
 } State;
 
 typedef struct {
     double t;
     SegVec3 tip;
-    SegVec3 contact;
-    int32_t triangle;
     State state;
     bool near; /* may become part of a piece */
     bool open; /* the interval that begins here is still to be refined */
@@ -94,47 +92,57 @@ void nc_pieces_free(GArray *pieces)
 
 /* ------------------------------------------------------------------ laying points */
 
+/* What the drop found on the region alone. */
+typedef struct {
+    double z;
+    int32_t facet;
+    SegVec3 point;
+} Contact;
+
 /* Does the cutter with its tip there touch the point along the facet's normal? */
-static bool touches(NcCutter cutter, const Point *point, SegVec3 normal)
+static bool touches(NcCutter cutter, SegVec3 tip, SegVec3 point, SegVec3 normal)
 {
     double r = cutter.corner_radius_mm, flat = cutter.radius_mm - r;
-    double dx = point->contact.x - point->tip.x, dy = point->contact.y - point->tip.y;
-    double d = hypot(dx, dy);
-    if (r <= 0 || d <= flat || d <= 0)
-        return r <= 0 || normal.z >= ROLL_COS;
-    double out = (d - flat) / r, up = (point->tip.z + r - point->contact.z) / r;
+    double dx = point.x - tip.x, dy = point.y - tip.y, d = hypot(dx, dy);
+    if (r <= 0)
+        return true;
+    if (d <= flat)
+        return normal.z >= ROLL_COS;
+    double out = (d - flat) / r, up = (tip.z + r - point.z) / r;
     SegVec3 to_centre = seg_unit(seg_vec3(-dx / d * out, -dy / d * out, up));
     return seg_dot(to_centre, normal) >= ROLL_COS;
 }
 
-static State state_of(const NcTrace *trace, const NcPass *pass, const Point *point, bool wanted,
-                      double wish)
+static State state_of(const NcTrace *trace, const NcPass *pass, SegVec3 tip, bool wanted,
+                      double wish, const Contact *contact)
 {
-    if (!isfinite(point->tip.z) || point->tip.z < trace->floor_mm ||
-        !nc_body_clear(trace->terrain, &trace->body, point->tip))
+    if (!isfinite(tip.z) || tip.z < trace->floor_mm ||
+        !nc_body_clear(trace->terrain, &trace->body, tip))
         return BLOCKED;
     if (!wanted)
         return FREE;
-    if (isfinite(wish) && point->tip.z - wish <= trace->touch_mm)
+    if (!trace->region || (isfinite(wish) && tip.z - wish <= trace->touch_mm))
         return TOUCH;
-    if (!trace->region)
-        return TOUCH;
-    if (point->triangle < 0 || !trace->region->mask[point->triangle])
+    if (contact->facet < 0 || tip.z - contact->z > trace->chord_mm)
         return FREE;
-    if (pass->needed && !(pass->needed[point->triangle] < pass->below))
+    if (pass->needed && !(pass->needed[contact->facet] < pass->below))
         return FREE;
-    return touches(trace->body.cutter, point, trace->region->normals[point->triangle]) ? TOUCH
-                                                                                       : ROLL;
+    SegVec3 normal = trace->region->facets[contact->facet].normal;
+    return touches(trace->body.cutter, tip, contact->point, normal) ? TOUCH : ROLL;
 }
 
-/* Fills in tips, contacts and states of points whose pass and t are given. */
+/*
+ * Fills in tips and states of points whose pass and t are given: the cutter laid on the whole part;
+ * what lies on the region alone no lower touches the region, whatever else it touches.
+ */
 static void lay(const NcTrace *trace, const NcPass *passes, NcLocate locate, const void *curves,
                 Middle *middles, size_t n)
 {
     g_autofree double *x = g_new(double, n + 1), *y = g_new(double, n + 1);
     g_autofree double *z = g_new(double, n + 1), *wish = g_new(double, n + 1);
-    g_autofree int32_t *triangle = g_new(int32_t, n + 1);
-    g_autofree SegVec3 *contact = g_new(SegVec3, n + 1);
+    g_autofree double *region_z = g_new0(double, n + 1);
+    g_autofree int32_t *facet = g_new0(int32_t, n + 1);
+    g_autofree SegVec3 *point = g_new0(SegVec3, n + 1);
     g_autofree uint8_t *wanted = g_new(uint8_t, n + 1);
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++) {
@@ -144,15 +152,17 @@ static void lay(const NcTrace *trace, const NcPass *passes, NcLocate locate, con
         y[i] = tip.y;
         wish[i] = tip.z;
     }
-    nc_drop_batch(trace->terrain, trace->body.cutter, n, x, y, z, triangle, contact);
+    NcCutter cutter = trace->body.cutter;
+    nc_drop_batch(trace->terrain, cutter, n, x, y, z, NULL, NULL);
+    if (trace->region)
+        nc_drop_batch(trace->region->terrain, cutter, n, x, y, region_z, facet, point);
 #pragma omp parallel for schedule(dynamic, 64)
     for (size_t i = 0; i < n; i++) {
-        Point *point = &middles[i].point;
-        point->tip = seg_vec3(x[i], y[i], fmax(z[i], wish[i]));
-        point->triangle = triangle[i];
-        point->contact = contact[i];
-        point->state = state_of(trace, &passes[middles[i].pass], point, wanted[i], wish[i]);
-        point->open = true;
+        Point *p = &middles[i].point;
+        Contact contact = {region_z[i], facet[i], point[i]};
+        p->tip = seg_vec3(x[i], y[i], fmax(z[i], wish[i]));
+        p->state = state_of(trace, &passes[middles[i].pass], p->tip, wanted[i], wish[i], &contact);
+        p->open = true;
     }
 }
 

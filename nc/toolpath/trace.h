@@ -24,8 +24,8 @@ typedef struct {
 typedef struct {
     double t0, t1;
     size_t n;
-    const double *needed; /* for each triangle of the part, may be NULL: the pass keeps only */
-    double below;         /*   contacts on triangles that need a step below this */
+    const double *needed; /* for each facet of the region, may be NULL: the pass keeps only */
+    double below;         /*   contacts on facets that need a step below this */
 } NcPass;
 
 /*
