@@ -41,9 +41,9 @@ static char *region_groups(const SegSegmentation *segmentation)
     GString *text = g_string_new("\n# The regions of this part, by the defaults above:\n");
     for (size_t i = 0; i < segmentation->n_regions; i++) {
         const SegRegion *region = &segmentation->regions[i];
-        g_string_append_printf(text, "#[region.%s]   # %s, %zu face%s, %.6g mm²\n", region->name,
+        g_string_append_printf(text, "# %s, %zu face%s, %.6g mm²:\n#[region.%s]\n",
                                seg_region_kind_name(region->kind), region->n_pieces,
-                               region->n_pieces == 1 ? "" : "s", region->area_mm2);
+                               region->n_pieces == 1 ? "" : "s", region->area_mm2, region->name);
     }
     return g_string_free(text, false);
 }

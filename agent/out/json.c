@@ -29,7 +29,8 @@ void agent_json_free(AgentJson *json)
 {
     if (!json)
         return;
-    g_string_free(json->out, true);
+    if (json->out)
+        g_string_free(json->out, true);
     g_free(json);
 }
 
@@ -153,6 +154,7 @@ char *agent_json_finish(AgentJson *json)
     g_assert(json->depth == 0);
     agent_json_end(json);
     g_string_append_c(json->out, '\n');
-    char *text = g_strdup(json->out->str);
+    char *text = g_string_free(json->out, false);
+    json->out = NULL;
     return text;
 }

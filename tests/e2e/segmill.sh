@@ -79,7 +79,10 @@ ok "init" says 0 'regions' "$segmill" init "$part" -o "$dir/new/recipe.ini"
 ok "init --json" json 0 "$segmill" init "$part" -o "$dir/new/two.ini" --json
 ok "init keeps what is there" fails 1 'is there already' \
     "$segmill" init "$part" -o "$dir/new/recipe.ini"
-ok "the recipe lists the regions" grep -q '^#\[region\.local-1\]' "$dir/new/recipe.ini"
+ok "the recipe lists the regions" grep -q '^#\[region\.local-1\]$' "$dir/new/recipe.ini"
+sed 's/^#\(\[region\.local-1\]\)$/\1\nskip = true/; s/^\[machine\]/&\nfile = nowhere.ini/' \
+    "$dir/new/recipe.ini" >"$dir/new/edited.ini"
+ok "and can be edited" fails 3 'nowhere.ini' "$segmill" plan "$dir/new/edited.ini" -o "$dir/x"
 
 # ------------------------------------------------------------------------------- plan
 ok "plan --json" json 0 "$segmill" plan "$dir/recipe.ini" -o "$dir/plan" --json
