@@ -47,6 +47,7 @@ include tests/tests.mk
 .DEFAULT_GOAL := all
 .DELETE_ON_ERROR:
 .SUFFIXES:
+.SECONDARY:
 
 # The other targets call `deps` only when a package is missing, and never with NODEPS=1.
 DEPS_MISSING := $(if $(NODEPS),,$(shell tests/deps.sh --missing))

@@ -9,6 +9,7 @@ out=$build/demo
 
 rm -rf "$out"
 mkdir -p "$out"
+export XDG_STATE_HOME=$out/state # the lease's token: the demo leaves nothing in the home folder
 
 coproc vcnc { exec "$build/vcnc" --machine config/etc/machine.ini --modbus 127.0.0.1:0 \
     --speed max --log "$out/vcnc.log"; }
