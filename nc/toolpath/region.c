@@ -3,13 +3,15 @@
 
 #include <float.h>
 
+#include "nc/toolpath/mesh_normals.h"
+
 /* Samples: one for each square of this side, within these bounds. */
 #define SAMPLE_PITCH_MM 0.5
 #define SAMPLES_LEAST 400
 #define SAMPLES_MOST 6000
 
-static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup,
-                      int32_t triangle);
+static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup, int32_t triangle,
+                      const SegVec3 normals[3]);
 static NcBend bend_of(const SegVec3 corner[3], const SegVec3 normal[3], SegVec3 facet_normal);
 static void sample_facets(NcRegion *region);
 static NcTerrain *terrain_of(const NcRegion *region);
@@ -38,6 +40,7 @@ NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegi
     region->max = seg_vec3(-DBL_MAX, -DBL_MAX, -DBL_MAX);
     region->min_concave_radius_mm = INFINITY;
 
+    g_autofree SegVec3(*normals)[3] = nc_corner_normals(part);
     for (size_t r = 0; r < n_regions; r++) {
         const SegRegion *from = regions[r];
         region->min_concave_radius_mm =
@@ -47,7 +50,7 @@ NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegi
                 region->pieces[region->n_pieces++] = &from->pieces[i];
         for (size_t i = 0; i < from->n_triangles; i++)
             if (!kept_out(part->triangles[from->triangles[i]].face, keep_out, n_keep_out))
-                add_facet(region, part, setup, from->triangles[i]);
+                add_facet(region, part, setup, from->triangles[i], normals[from->triangles[i]]);
     }
     sample_facets(region);
     region->terrain = terrain_of(region);
@@ -71,13 +74,14 @@ double nc_bend_along(const NcBend *w, SegVec3 q)
            2 * (w->xy * q.x * q.y + w->yz * q.y * q.z + w->zx * q.z * q.x);
 }
 
-static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup, int32_t triangle)
+static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup, int32_t triangle,
+                      const SegVec3 normals[3])
 {
     SegVec3 corner[3], normal[3];
     for (int k = 0; k < 3; k++) {
         const SegVertex *vertex = &part->vertices[part->triangles[triangle].vertex[k]];
         corner[k] = nc_setup_point(setup, vertex->position);
-        normal[k] = nc_setup_direction(setup, vertex->normal);
+        normal[k] = nc_setup_direction(setup, normals[k]);
     }
     SegVec3 cross = seg_cross(seg_sub(corner[1], corner[0]), seg_sub(corner[2], corner[0]));
     double area = seg_norm(cross) / 2;
