@@ -24,6 +24,7 @@
 #include <cmath>
 #include <gp_Ax1.hxx>
 #include <gp_Pln.hxx>
+#include <iostream>
 
 namespace cad
 {
@@ -32,6 +33,7 @@ static const double kQuarter = M_PI / 2;
 static const double kSameAngle = 1e-6;     /* rad: no piece is shorter; an error of its square */
 static const double kSameParameter = 1e-9; /* of a range: beyond its end by rounding only */
 static const double kApproximation_mm = 1e-7;
+static const double kTellError_mm = 1e-5;
 
 static Spline convert_arc(const gp_XYZ &centre, const gp_XYZ &x, const gp_XYZ &y, double first,
                           double last);
@@ -329,6 +331,9 @@ static SplineSurface approximate(const Handle(Geom_Surface) & surface, double u0
                                         200, 0);
         if (!maker.HasResult())
             throw Standard_Failure("the surface cannot be approximated by a B-spline");
+        if (maker.MaxError() > kTellError_mm)
+            std::cerr << surface->DynamicType()->Name() << ": approximated within "
+                      << maker.MaxError() << " mm\n";
         result = maker.Surface();
     }
     return convert_bspline(result, u0, u1, v0, v1);
