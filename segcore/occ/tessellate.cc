@@ -19,6 +19,8 @@
 namespace cad
 {
 
+static const double kPole_mm = 1e-6; /* an iso-parametric line shorter than this is a point */
+
 static void mesh(const TopoDS_Shape &shape, double chord_mm, double angle_rad)
 {
     IMeshTools_Parameters parameters;
@@ -80,18 +82,26 @@ double tessellate(std::vector<TopoDS_Face> &faces, double chord_mm, double angle
     return chord_mm;
 }
 
-/* Su × Sv; at a pole of the surface its limit, or the zero vector. */
-static gp_XYZ surface_normal(const Handle(Geom_Surface) & surface, const gp_Pnt2d &uv)
+static double extent(const Spline &direction)
+{
+    return direction.knots.back() - direction.knots.front();
+}
+
+/* The unit vector along Su × Sv; at a pole of the surface its limit, or the zero vector. */
+static gp_XYZ surface_normal(const FaceSurface &surface, const gp_Pnt2d &uv)
 {
     gp_Pnt p;
     gp_Vec du, dv;
-    surface->D1(uv.X(), uv.Y(), p, du, dv);
+    surface.native->D1(uv.X(), uv.Y(), p, du, dv);
     gp_XYZ n = du.XYZ().Crossed(dv.XYZ());
     double length = n.Modulus();
-    if (length > 1e-9 * du.Magnitude() * dv.Magnitude() && length > 1e-30)
+    bool pole = du.Magnitude() * extent(surface.spline.u) < kPole_mm ||
+                dv.Magnitude() * extent(surface.spline.v) < kPole_mm ||
+                length < 1e-9 * du.Magnitude() * dv.Magnitude();
+    if (!pole)
         return n / length;
     gp_Dir limit;
-    if (GeomLib::NormEstim(surface, uv, 1e-7, limit) <= 1)
+    if (GeomLib::NormEstim(surface.native, uv, 1e-7, limit) <= 1)
         return limit.XYZ();
     return {0, 0, 0};
 }
@@ -125,7 +135,7 @@ bool append_triangles(const FaceSurface &surface, int32_t face, bool reversed, P
     auto first = static_cast<int32_t>(tables.vertices.size());
     for (int i = 1; i <= mesh->NbNodes(); i++) {
         gp_Pnt2d uv = mesh->UVNode(i);
-        gp_XYZ normal = surface_normal(surface.native, uv);
+        gp_XYZ normal = surface_normal(surface, uv);
         SegVertex vertex;
         vertex.position = vec(mesh->Node(i).Transformed(location.Transformation()).XYZ());
         vertex.normal = vec(reversed ? normal * -1 : normal);
