@@ -91,12 +91,12 @@ NcToolpath nc_link(const NcLinker *linker, const GArray *pieces)
 
 /* ------------------------------------------------------------- along the surface */
 
-static bool locate(const void *curves, size_t pass, double t, SegVec3 *tip)
+static double locate(const void *curves, size_t pass, double t, SegVec3 *tip)
 {
     const Join *join = *((const Join *const *)curves + pass);
     SegVec3 at = seg_lerp(join->from, join->to, t);
     *tip = seg_vec3(at.x, at.y, -INFINITY);
-    return true;
+    return 0;
 }
 
 /* Unbroken, and neither a detour nor a climb. */

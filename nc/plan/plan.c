@@ -51,11 +51,12 @@ NcPlan *nc_plan_baseline(const NcPlanInput *input, GError **error)
         if (wish && wish->skip)
             continue;
         from[n++] = &segmentation->regions[r];
-        g_ptr_array_add(regions, nc_region_new(input->part, &planner.setup, &from[n - 1], 1,
-                                               recipe->keep_out, recipe->n_keep_out));
+        g_ptr_array_add(regions,
+                        nc_region_new(input->part, &planner.setup, planner.terrain, &from[n - 1], 1,
+                                      recipe->keep_out, recipe->n_keep_out));
     }
-    g_autoptr(NcRegion) whole =
-        nc_region_new(input->part, &planner.setup, from, n, recipe->keep_out, recipe->n_keep_out);
+    g_autoptr(NcRegion) whole = nc_region_new(input->part, &planner.setup, planner.terrain, from, n,
+                                              recipe->keep_out, recipe->n_keep_out);
     GArray *operations = g_array_new(FALSE, TRUE, sizeof(NcOperation));
     g_array_set_clear_func(operations, operation_clear);
     bool ok = true;
@@ -233,8 +234,9 @@ static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray 
         note(planner, "region %d '%s': skipped by the recipe", from->id, from->name);
         return true;
     }
-    g_autoptr(NcRegion) region = nc_region_new(planner->input->part, &planner->setup, &from, 1,
-                                               recipe->keep_out, recipe->n_keep_out);
+    g_autoptr(NcRegion) region =
+        nc_region_new(planner->input->part, &planner->setup, planner->terrain, &from, 1,
+                      recipe->keep_out, recipe->n_keep_out);
     if (region->n_facets == 0) {
         note(planner, "region %d '%s': all of its faces are kept out", from->id, from->name);
         return true;

@@ -20,6 +20,7 @@ typedef struct {
     int along;
     SegLoopPolygon *loops;
     size_t n_loops;
+    double wall_side;    /* where it is a wall: 1, or -1 if the part's normal points inside */
     double lo[2], hi[2]; /* bounds of the loops in (u,v) */
     double domain[2][2]; /* of the surface */
     double shift_mm;     /* walls are kept off by this */
@@ -27,13 +28,15 @@ typedef struct {
 
 typedef struct {
     const Face *face;
-    double at; /* the constant parameter */
+    double at;   /* the constant parameter */
+    double step; /* to the next line */
 } Line;
 
 static bool face_init(Face *face, const NcJob *job, const SegPiece *piece);
+static void find_wall_side(Face *face);
 static void face_clear(Face *face);
 static double lay_lines(const Face *face, GArray *lines);
-static bool locate(const void *curves, size_t pass, double t, SegVec3 *tip);
+static double locate(const void *curves, size_t pass, double t, SegVec3 *tip);
 static void add_passes(const Face *face, const GArray *lines, size_t from, GArray *passes);
 
 bool nc_iso_parametric_can(const NcRegion *region, const SegPart *part)
@@ -118,6 +121,7 @@ static bool face_init(Face *face, const NcJob *job, const SegPiece *piece)
         face->hi[k] =
             face->n_loops > 0 ? fmin(face->hi[k], face->domain[k][1]) : face->domain[k][1];
     }
+    find_wall_side(face);
     return true;
 }
 
@@ -152,8 +156,8 @@ static Ground ground_at(const Face *face, double t, double at)
     SegVec3 normal;
     g.regular = seg_surface_normal(&part->faces[face->face], &s, &normal);
     g.normal = nc_setup_direction(setup, normal);
-    bool flip = g.normal.z < -NC_WALL_UP;
-    if (flip)
+    bool wall = fabs(g.normal.z) < NC_WALL_UP;
+    if (wall ? face->wall_side < 0 : g.normal.z < 0)
         g.normal = seg_scale(g.normal, -1);
     /* Euler and Meusnier: the second fundamental form along q = x·Su + y·Sv, which is at right
      * angles to the line, over its first. */
@@ -167,6 +171,22 @@ static Ground ground_at(const Face *face, double t, double at)
     g.bend = q2 > 0 ? seg_dot(nc_setup_direction(setup, second), g.normal) / q2 : 0;
     g.across = q;
     return g;
+}
+
+/* By vote of the walls in it. */
+static void find_wall_side(Face *face)
+{
+    double votes = 0;
+    face->along = 0;
+    face->wall_side = 1;
+    for (int i = 0; i < 49; i++) {
+        double u = face->lo[0] + (face->hi[0] - face->lo[0]) * (i / 7 + 0.5) / 7;
+        double v = face->lo[1] + (face->hi[1] - face->lo[1]) * (i % 7 + 0.5) / 7;
+        Ground g = ground_at(face, u, v);
+        if (g.regular && fabs(g.normal.z) < NC_WALL_UP && contains(face, u, v))
+            votes += nc_wall_side(face->job->trace.terrain, g.p, g.normal);
+    }
+    face->wall_side = votes < 0 ? -1 : 1;
 }
 
 /* -------------------------------------------------------------------------- lines */
@@ -214,9 +234,9 @@ static double lay_lines(const Face *face, GArray *lines)
     if (!(range > 0))
         return 0;
     for (;;) {
-        Line line = {face, at};
-        g_array_append_val(lines, line);
         double length, step = step_at(face, at, &length);
+        Line line = {face, at, step};
+        g_array_append_val(lines, line);
         total += length;
         if (at >= last)
             return total;
@@ -259,27 +279,40 @@ static SegVec3 tip_on(const NcJob *job, const Ground *g, double shift_mm)
     return tip;
 }
 
-static bool locate(const void *curves, size_t pass, double t, SegVec3 *tip)
+/* The side of the tool cuts the wall above its corner: is there some within the step, where the
+ * line itself runs below the loops? */
+static bool serves_above(const Line *line, double t, double z)
+{
+    const Face *face = line->face;
+    for (int i = -4; i <= 4; i++) {
+        double at = line->at + line->step * i / 4;
+        bool above = contains(face, face->along ? at : t, face->along ? t : at) &&
+                     ground_at(face, t, at).p.z > z;
+        if (above)
+            return true;
+    }
+    return false;
+}
+
+static double locate(const void *curves, size_t pass, double t, SegVec3 *tip)
 {
     const Line *line = (const Line *)curves + pass;
     const Face *face = line->face;
+    const NcTrace *trace = &face->job->trace;
     const double *domain = face->domain[face->along];
     double inside = fmin(fmax(t, domain[0]), domain[1]);
     Ground g = ground_at(face, inside, line->at);
+    bool wall = g.regular && fabs(g.normal.z) <= NC_WALL_UP;
+    bool wanted = inside == t && g.regular &&
+                  (contains(face, face->along ? line->at : t, face->along ? t : line->at) ||
+                   (wall && serves_above(line, t, g.p.z)));
     g.p = seg_along(g.p, g.along, t - inside);
     *tip = tip_on(face->job, &g, face->shift_mm);
-    bool wanted = inside == t && g.regular &&
-                  contains(face, face->along ? line->at : t, face->along ? t : line->at);
-    if (!wanted) {
+    if (wall && tip->z < trace->floor_mm)
+        tip->z = trace->floor_mm; /* a wall is touched higher up as well */
+    if (!wanted || tip->z < trace->floor_mm) {
         tip->z = -INFINITY;
-        return false;
+        return -1;
     }
-    double floor_mm = face->job->trace.floor_mm;
-    if (tip->z < floor_mm) {
-        /* A wall is touched higher up as well; ground is not. */
-        bool wall = g.normal.z <= NC_WALL_UP;
-        tip->z = wall ? floor_mm : -INFINITY;
-        return wall;
-    }
-    return true;
+    return wall ? trace->body.depth_mm : trace->touch_mm;
 }

@@ -21,13 +21,13 @@ static size_t lay_planes(const NcJob *job, const double *needed, double step, Pl
                          NcPass **passes);
 static double estimate_s(const NcJob *job, double direction, double feed, double turn_s);
 
-static bool locate(const void *curves, size_t pass, double t, SegVec3 *tip)
+static double locate(const void *curves, size_t pass, double t, SegVec3 *tip)
 {
     const Planes *planes = curves;
     double v = planes->across[pass];
     tip->x = planes->cosine * t - planes->sine * v;
     tip->y = planes->sine * t + planes->cosine * v;
-    return true;
+    return 0;
 }
 
 NcCuts nc_iso_planar(const NcJob *job, double direction)

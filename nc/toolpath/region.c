@@ -10,8 +10,8 @@
 #define SAMPLES_LEAST 400
 #define SAMPLES_MOST 6000
 
-static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup, int32_t triangle,
-                      const SegVec3 normals[3]);
+static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup,
+                      const NcTerrain *terrain, int32_t triangle, const SegVec3 normals[3]);
 static NcBend bend_of(const SegVec3 corner[3], const SegVec3 normal[3], SegVec3 facet_normal);
 static void sample_facets(NcRegion *region);
 static NcTerrain *terrain_of(const NcRegion *region);
@@ -25,8 +25,9 @@ static bool kept_out(int32_t face, const int32_t *keep_out, size_t n)
     return false;
 }
 
-NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegion *const *regions,
-                        size_t n_regions, const int32_t *keep_out, size_t n_keep_out)
+NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const NcTerrain *terrain,
+                        const SegRegion *const *regions, size_t n_regions, const int32_t *keep_out,
+                        size_t n_keep_out)
 {
     size_t most = 0, n_pieces = 0;
     for (size_t r = 0; r < n_regions; r++) {
@@ -50,7 +51,8 @@ NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegi
                 region->pieces[region->n_pieces++] = &from->pieces[i];
         for (size_t i = 0; i < from->n_triangles; i++)
             if (!kept_out(part->triangles[from->triangles[i]].face, keep_out, n_keep_out))
-                add_facet(region, part, setup, from->triangles[i], normals[from->triangles[i]]);
+                add_facet(region, part, setup, terrain, from->triangles[i],
+                          normals[from->triangles[i]]);
     }
     sample_facets(region);
     region->terrain = terrain_of(region);
@@ -68,14 +70,24 @@ void nc_region_free(NcRegion *region)
     g_free(region);
 }
 
+int nc_wall_side(const NcTerrain *terrain, SegVec3 point, SegVec3 normal)
+{
+    const NcCutter probe = {0.005, 0.005};
+    const double off_mm = 0.05;
+    SegVec3 outside = seg_along(point, normal, off_mm), inside = seg_along(point, normal, -off_mm);
+    bool open = nc_sweep_clear(terrain, probe, outside, outside, 0);
+    bool back = nc_sweep_clear(terrain, probe, inside, inside, 0);
+    return open - back;
+}
+
 double nc_bend_along(const NcBend *w, SegVec3 q)
 {
     return w->xx * q.x * q.x + w->yy * q.y * q.y + w->zz * q.z * q.z +
            2 * (w->xy * q.x * q.y + w->yz * q.y * q.z + w->zx * q.z * q.x);
 }
 
-static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup, int32_t triangle,
-                      const SegVec3 normals[3])
+static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setup,
+                      const NcTerrain *terrain, int32_t triangle, const SegVec3 normals[3])
 {
     SegVec3 corner[3], normal[3];
     for (int k = 0; k < 3; k++) {
@@ -91,6 +103,9 @@ static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setu
     *facet = (NcPatch){
         .a = corner[0], .b = corner[1], .c = corner[2], .area_mm2 = area, .triangle = triangle};
     facet->normal = up_normal(corner[0], corner[1], corner[2], &facet->downward);
+    SegVec3 middle = seg_scale(seg_add(corner[0], seg_add(corner[1], corner[2])), 1.0 / 3);
+    if (facet->normal.z < NC_WALL_UP && nc_wall_side(terrain, middle, facet->normal) < 0)
+        facet->normal = seg_scale(facet->normal, -1);
     for (int k = 0; k < 3; k++) {
         if (seg_dot(normal[k], facet->normal) < 0)
             normal[k] = seg_scale(normal[k], -1);

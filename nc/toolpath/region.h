@@ -11,8 +11,8 @@
 
 #include "nc/nc.h"
 
-/* The part's own normal is turned only where it looks down by more than this sine: the outward side
- * of a wall cannot be told from "up". */
+/* Steeper than this (sine of the angle to the vertical) is a wall: "up" does not tell its outside.
+ */
 #define NC_WALL_UP 1e-3
 
 /* Curvature of a surface as a symmetric tensor: q·W·q is the normal curvature along the unit
@@ -50,11 +50,17 @@ typedef struct {
     double min_concave_radius_mm;
 } NcRegion;
 
-/* The union of `regions` without the faces of `keep_out`. */
-NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const SegRegion *const *regions,
-                        size_t n_regions, const int32_t *keep_out, size_t n_keep_out);
+/* The union of `regions` without the faces of `keep_out`; `terrain` is the whole part. */
+NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const NcTerrain *terrain,
+                        const SegRegion *const *regions, size_t n_regions, const int32_t *keep_out,
+                        size_t n_keep_out);
 void nc_region_free(NcRegion *region);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcRegion, nc_region_free)
+
+/* Is the point just off a wall, on the side of `normal`, open to the sky while the other side is
+ * not? Faces that share no edges do not know their outside: 1 yes, -1 the other way, 0 no telling.
+ */
+int nc_wall_side(const NcTerrain *terrain, SegVec3 point, SegVec3 normal);
 
 double nc_bend_along(const NcBend *bend, SegVec3 direction);
 

@@ -113,15 +113,15 @@ static bool touches(NcCutter cutter, SegVec3 tip, SegVec3 point, SegVec3 normal)
     return seg_dot(to_centre, normal) >= ROLL_COS;
 }
 
-static State state_of(const NcTrace *trace, const NcPass *pass, SegVec3 tip, bool wanted,
-                      double wish, const Contact *contact)
+static State state_of(const NcTrace *trace, const NcPass *pass, SegVec3 tip, double wish,
+                      double lift, const Contact *contact)
 {
     if (!isfinite(tip.z) || tip.z < trace->floor_mm ||
         !nc_body_clear(trace->terrain, &trace->body, tip))
         return BLOCKED;
-    if (!wanted)
+    if (lift < 0)
         return FREE;
-    if (!trace->region || (isfinite(wish) && tip.z - wish <= trace->touch_mm))
+    if (!trace->region || (isfinite(wish) && tip.z - wish <= lift))
         return TOUCH;
     if (contact->facet < 0 || tip.z - contact->z > trace->chord_mm)
         return FREE;
@@ -143,11 +143,11 @@ static void lay(const NcTrace *trace, const NcPass *passes, NcLocate locate, con
     g_autofree double *region_z = g_new0(double, n + 1);
     g_autofree int32_t *facet = g_new0(int32_t, n + 1);
     g_autofree SegVec3 *point = g_new0(SegVec3, n + 1);
-    g_autofree uint8_t *wanted = g_new(uint8_t, n + 1);
+    g_autofree double *lift = g_new(double, n + 1);
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++) {
         SegVec3 tip = {0, 0, -INFINITY};
-        wanted[i] = locate(curves, middles[i].pass, middles[i].point.t, &tip);
+        lift[i] = locate(curves, middles[i].pass, middles[i].point.t, &tip);
         x[i] = tip.x;
         y[i] = tip.y;
         wish[i] = tip.z;
@@ -161,7 +161,7 @@ static void lay(const NcTrace *trace, const NcPass *passes, NcLocate locate, con
         Point *p = &middles[i].point;
         Contact contact = {region_z[i], facet[i], point[i]};
         p->tip = seg_vec3(x[i], y[i], fmax(z[i], wish[i]));
-        p->state = state_of(trace, &passes[middles[i].pass], p->tip, wanted[i], wish[i], &contact);
+        p->state = state_of(trace, &passes[middles[i].pass], p->tip, wish[i], lift[i], &contact);
         p->open = true;
     }
 }

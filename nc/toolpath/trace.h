@@ -15,7 +15,7 @@ typedef struct {
     NcBody body;
     double floor_mm;   /* lowest tip of the grown cutter */
     double chord_mm;   /* share of the budget, gouge and excess alike */
-    double touch_mm;   /* a wanted contact lifted by no more still counts as touched */
+    double touch_mm;   /* on ground, a contact lifted by no more still counts as touched */
     double overlap_mm; /* beyond the region's border, along the pass */
     double bridge_mm;  /* gaps in a pass that are cut through rather than left */
 } NcTrace;
@@ -30,10 +30,11 @@ typedef struct {
 
 /*
  * The place on a curve: the axis of the tool, and the height its grown tip should have; -INFINITY
- * where the drop alone decides. False where the curve does not want to be cut (beyond a trimming
- * loop) though the tool may pass there.
+ * where the drop alone decides. Returns by how much the part may lift the tip above that height and
+ * the place still counts as touched; negative where the curve does not want to be cut (beyond a
+ * trimming loop) though the tool may pass there.
  */
-typedef bool (*NcLocate)(const void *curves, size_t pass, double t, SegVec3 *tip);
+typedef double (*NcLocate)(const void *curves, size_t pass, double t, SegVec3 *tip);
 
 /* A run of cutting: tips of the grown cutter. */
 typedef struct {

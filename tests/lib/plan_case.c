@@ -47,7 +47,16 @@ PlanCase *plan_case_load(const char *path, char *const *set, GError **error)
     options.helper = helper;
     options.chord_mm = budget.tessellation_mm;
     SegPart *part = seg_part_load(path, &options, error);
-    return part ? plan_case_new(part, set, error) : NULL;
+    PlanCase *c = part ? plan_case_new(part, set, error) : NULL;
+    if (!c || recipe->method != CFG_METHOD_FEATURE_SIZE || part->faces[0].surface.n_u == 0)
+        return c;
+    SegFeatureSizeParams params = SEG_FEATURE_SIZE_DEFAULTS;
+    seg_segmentation_free(c->segmentation);
+    c->segmentation = seg_segment_feature_size(part, &params, error);
+    c->input.segmentation = c->segmentation;
+    if (!c->segmentation)
+        g_clear_pointer(&c, plan_case_free);
+    return c;
 }
 
 void plan_case_free(PlanCase *c)

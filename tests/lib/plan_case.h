@@ -7,7 +7,7 @@
 
 typedef struct {
     SegPart *part;
-    SegSegmentation *segmentation; /* the whole part as region 1, "part" */
+    SegSegmentation *segmentation; /* at first the whole part as region 1, "part" */
     CfgRecipe *recipe;
     CfgMachine *machine;
     CfgToolTable *tools;
@@ -17,7 +17,8 @@ typedef struct {
 /* Takes `part` over. `set` are the recipe's settings that differ from its defaults. */
 PlanCase *plan_case_new(SegPart *part, char *const *set, GError **error);
 
-/* The same with the part read from a file, tessellated to its share of the tolerance. */
+/* The same with the part read from a file, tessellated to its share of the tolerance; a CAD part is
+ * segmented by feature size unless `set` says segmentation.method=none. */
 PlanCase *plan_case_load(const char *path, char *const *set, GError **error);
 void plan_case_free(PlanCase *plan_case);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(PlanCase, plan_case_free)
