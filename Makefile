@@ -108,8 +108,8 @@ $(BUILD)/%.o: %.c
 	$(call say,CC,$<)
 	$(Q)mkdir -p $(@D) && $(CC) $(CFLAGS_) $(PKG_CFLAGS) -c -o $@ $<
 
-# Open CASCADE is not ours to sanitize.
-$(BUILD)/segcore/occ/%.o: SAN =
+# Open CASCADE is not ours to sanitize; SAN comes from the command line, so `override`.
+$(BUILD)/segcore/occ/%.o $(BUILD)/tests/parts/%.o $(BUILD)/tests/judges/%.o: override SAN =
 $(BUILD)/%.o: %.cc
 	$(call say,CXX,$<)
 	$(Q)mkdir -p $(@D) && $(CXX) $(CXXFLAGS_) $(OCC_CFLAGS) $(PKG_CFLAGS) -c -o $@ $<

@@ -124,11 +124,6 @@ static std::vector<TopoDS_Edge> ordered_edges(const TopoDS_Wire &wire, const Top
 
 /* -------------------------------------------------------------------- edges */
 
-static SegVec3 vec(const gp_Pnt &p)
-{
-    return {p.X(), p.Y(), p.Z()};
-}
-
 /* The curve in space; where the file has none and it cannot be built, the (u,v) curve's image. */
 static EdgeCurve edge_curve(const TopoDS_Edge &edge, const FaceSurface &surface, gp_Pnt ends[2])
 {
@@ -175,8 +170,8 @@ static int32_t edge_index(const TopoDS_Edge &edge, const FaceSurface &surface, i
         record.t_first = to_spline(curve.curve, curve.first);
         record.t_last = to_spline(curve.curve, curve.last);
         record.face[0] = record.face[1] = -1;
-        record.ends[0] = vec(ends[0]);
-        record.ends[1] = vec(ends[1]);
+        record.ends[0] = vec(ends[0].XYZ());
+        record.ends[1] = vec(ends[1].XYZ());
         index = edges.Add(edge) - 1;
         tables.edges.push_back(record);
         curves.push_back(curve);

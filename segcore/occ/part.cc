@@ -118,11 +118,6 @@ static SegSurfaceType surface_type(const Handle(Geom_Surface) & surface)
     }
 }
 
-static SegVec3 vec(const gp_XYZ &v)
-{
-    return {v.X(), v.Y(), v.Z()};
-}
-
 static void set_position(SegFace &record, const gp_Ax3 &at)
 {
     record.origin = vec(at.Location().XYZ());

@@ -42,6 +42,11 @@ struct EdgeCurve {
     double first = 0, last = 1; /* in the original's parameter */
 };
 
+inline SegVec3 vec(const gp_XYZ &v)
+{
+    return {v.X(), v.Y(), v.Z()};
+}
+
 /* The part form of a file. Throws InputError. */
 std::string part_form(const CadFile &file, double chord_mm, double angle_rad);
 

@@ -106,11 +106,6 @@ static gp_XYZ surface_normal(const FaceSurface &surface, const gp_Pnt2d &uv)
     return {0, 0, 0};
 }
 
-static SegVec3 vec(const gp_XYZ &v)
-{
-    return {v.X(), v.Y(), v.Z()};
-}
-
 /* A vertex whose surface has no normal takes that of a triangle at it. */
 static void complete_normals(const SegTriangle *triangles, size_t n, std::vector<SegVertex> &all)
 {
