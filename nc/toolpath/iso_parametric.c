@@ -197,32 +197,36 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* The parameter step that the line at `at` allows, and its length inside the loops. */
+/* The parameter step that the line at `at` allows, and its length inside the loops. Where it is
+ * nowhere inside, all of its places have a say. */
 static double step_at(const Face *face, double at, double *length)
 {
     const NcJob *job = face->job;
     int t = face->along, w = 1 - t;
-    double steps[PLACES];
-    int n = 0;
+    double steps[2][PLACES], range = face->hi[w] - face->lo[w];
+    size_t n[2] = {0, 0};
     *length = 0;
     for (int i = 0; i < PLACES; i++) {
         double s = ((double)i + 0.5) / PLACES;
         double place = face->lo[t] + s * (face->hi[t] - face->lo[t]);
         Ground g = ground_at(face, place, at);
         double across = seg_norm(g.across);
-        if (!g.regular || !(across > 0) || !contains(face, t ? at : place, t ? place : at))
+        if (!g.regular || !(across > 0))
             continue;
         double mm =
             nc_contact_step_mm(job->trace.body.tool, job->scallop_mm, job->trace.body.depth_mm,
                                g.normal, g.bend, seg_scale(g.across, 1 / across));
-        steps[n++] = mm / across;
-        *length += seg_norm(g.along) * (face->hi[t] - face->lo[t]) / PLACES;
+        bool inside = contains(face, t ? at : place, t ? place : at);
+        steps[inside][n[inside]++] = mm / across;
+        if (inside)
+            *length += seg_norm(g.along) * (face->hi[t] - face->lo[t]) / PLACES;
     }
-    double range = face->hi[w] - face->lo[w];
-    if (n == 0)
+    int from = n[1] > 0;
+    if (n[from] == 0)
         return range / PLACES;
-    qsort(steps, (size_t)n, sizeof *steps, ascending);
-    return fmax(fmax(steps[0], LEAST_SHARE * steps[n / 2]), range / LINES_MOST);
+    qsort(steps[from], n[from], sizeof(double), ascending);
+    double least = LEAST_SHARE * steps[from][n[from] / 2];
+    return fmax(fmax(steps[from][0], least), range / LINES_MOST);
 }
 
 /* Lines from border to border; the sum of their lengths. */
@@ -308,9 +312,12 @@ static double locate(const void *curves, size_t pass, double t, SegVec3 *tip)
                    (wall && serves_above(line, t, g.p.z)));
     g.p = seg_along(g.p, g.along, t - inside);
     *tip = tip_on(face->job, &g, face->shift_mm);
-    if (wall && tip->z < trace->floor_mm)
-        tip->z = trace->floor_mm; /* a wall is touched higher up as well */
-    if (!wanted || tip->z < trace->floor_mm) {
+    /* Where table, shank or holder stop the tool, a wall can be touched higher up. */
+    double least = wall ? nc_body_least_z(trace->terrain, &trace->body, *tip) : -INFINITY;
+    least = fmax(least, trace->floor_mm);
+    wanted = wanted && least <= tip->z + (wall ? trace->body.depth_mm : 0);
+    tip->z = fmax(tip->z, least);
+    if (!wanted) {
         tip->z = -INFINITY;
         return -1;
     }

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #define HOLDER_CLEARANCE_MM 0.5
+#define ROUNDING_MM 1e-6
 /* Places tried for a flat bottom on level ground: the axis over the point, and around it. */
 #define PLACES 13
 /* Ground counts as level up to this sine of its slope. */
@@ -40,6 +41,13 @@ bool nc_body_clear(const NcTerrain *terrain, const NcBody *body, SegVec3 tip)
     SegVec3 holder = {tip.x, tip.y, tip.z + body->holder_mm};
     return nc_sweep_clear(terrain, body->shank, shank, shank, 0) &&
            nc_sweep_clear(terrain, body->holder, holder, holder, 0);
+}
+
+double nc_body_least_z(const NcTerrain *terrain, const NcBody *body, SegVec3 tip)
+{
+    double shank = nc_drop(terrain, body->shank, tip.x, tip.y, NULL, NULL) - body->shank_mm;
+    double holder = nc_drop(terrain, body->holder, tip.x, tip.y, NULL, NULL) - body->holder_mm;
+    return fmax(shank, holder) + ROUNDING_MM;
 }
 
 double nc_reach_unreachable_mm2(const NcReach *reach)

@@ -27,6 +27,9 @@ NcBody nc_body(const CfgTool *tool, double leave_mm, double allowance_mm);
 /* Do shank and holder clear the part with the grown cutter's tip here? */
 bool nc_body_clear(const NcTerrain *terrain, const NcBody *body, SegVec3 tip);
 
+/* The least height of the tip over that place at which they do. */
+double nc_body_least_z(const NcTerrain *terrain, const NcBody *body, SegVec3 tip);
+
 /* Why points of a region cannot be touched, mm². */
 typedef struct {
     double requested_mm2;
