@@ -118,16 +118,12 @@ static void rapid(Walk *walk, SegVec3 to)
     add(walk, (NcMove){.kind = NC_MOVE_RAPID, .to = to});
 }
 
-/* Z first, then across, as the program goes home. */
+/* With the spindle at rest and the tool at the top of the travel, as the program does it. */
 static void change_tool(Walk *walk, int tool)
 {
-    const double *home = walk->machine->tool_change_mm;
-    if (walk->tool != 0) {
-        rapid(walk, seg_vec3(walk->at.x, walk->at.y, home[2]));
-        rapid(walk, seg_vec3(home[0], home[1], home[2]));
-    }
+    set_spindle(walk, 0);
+    rapid(walk, seg_vec3(walk->at.x, walk->at.y, walk->machine->axis[2].max_mm));
     walk->tool = tool;
-    walk->rpm = 0;
     add(walk, (NcMove){.kind = NC_MOVE_TOOL_CHANGE, .to = walk->at});
 }
 
