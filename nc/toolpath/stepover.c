@@ -99,7 +99,8 @@ static double flat_step(NcCutter tool, double scallop, SegVec3 normal, double si
     double step = NC_FLAT_STEP * 2 * flat;
     if (sine_across * step > scallop)
         step = scallop / sine_across;
-    if (sine > 0)
-        step = fmin(step, sqrt(8 * scallop * flat / sine));
-    return step;
+    /* On the way up the rim beside the middle lags behind it by x, and the slope falls by x·sine.
+     */
+    double x = sine * flat > scallop ? scallop / sine : flat;
+    return fmin(step, 2 * sqrt(x * (2 * flat - x)));
 }
