@@ -133,23 +133,40 @@ static double within_span(SegColumns *c, int span_v, double v_a, double v_b)
     return seg_integrate(area_element, c, v_a, v_b, 0, c->enough);
 }
 
+/* Loops overhang their surface by what the file calls accurate: the spans at the ends reach on. */
+static double within_reach(const double *knots, int degree, int n, double t)
+{
+    const double reach = 0.01 * (knots[n] - knots[degree]);
+    return fmin(fmax(t, knots[degree] - reach), knots[n] + reach);
+}
+
+/* t, or the end of span j that is nearest to it; the first and the last span are open. */
+static double end_in_span(const double *knots, int j, int first, int last, double t)
+{
+    if (j > first)
+        t = fmax(t, knots[j]);
+    return j < last ? fmin(t, knots[j + 1]) : t;
+}
+
 double seg_columns_above(SegColumns *c, double u, int span_v, double v)
 {
     const double *kv = c->tables.knots_v;
     int q = c->surface->degree_v, n = c->surface->n_v;
-    v = fmin(fmax(v, kv[q]), kv[n]);
+    v = within_reach(kv, q, n, v);
+    u = within_reach(c->tables.knots_u, c->surface->degree_u, c->surface->n_u, u);
     if (c->u != u) {
         c->u = u;
         c->count = 0;
     }
     /* Nearly always within the span; a path may stray over its ends. */
+    int first = seg_knot_span(kv, q, n, kv[q]), last = seg_knot_span(kv, q, n, kv[n]);
     double sum = 0;
-    for (int j = span_v; j < n && kv[j] < v; j++)
+    for (int j = span_v; j <= last && (kv[j] < v || j == span_v); j++)
         if (kv[j + 1] > kv[j])
-            sum += within_span(c, j, kv[j], fmin(v, kv[j + 1]));
-    for (int j = span_v - 1; j >= q && kv[j + 1] > v; j--)
+            sum += within_span(c, j, kv[j], end_in_span(kv, j, first, last, v));
+    for (int j = span_v - 1; j >= first && kv[j + 1] > v; j--)
         if (kv[j + 1] > kv[j])
-            sum -= within_span(c, j, fmax(v, kv[j]), kv[j + 1]);
+            sum -= within_span(c, j, end_in_span(kv, j, first, last, v), kv[j + 1]);
     return sum;
 }
 
@@ -264,19 +281,21 @@ double seg_columns_below(SegColumns *c, double u_a, double u_b, int span_v)
         return -seg_columns_below(c, u_b, u_a, span_v);
     const double *ku = c->tables.knots_u;
     int p = c->surface->degree_u, n = c->surface->n_u;
-    u_a = fmax(u_a, ku[p]);
-    u_b = fmin(u_b, ku[n]);
+    u_a = within_reach(ku, p, n, u_a);
+    u_b = within_reach(ku, p, n, u_b);
     if (!c->strips)
         c->strips = g_new0(GArray *, (size_t)n);
     double sum = 0;
-    for (int i = seg_knot_span(ku, p, n, u_a); i < n && ku[i] < u_b; i++) {
+    int first = seg_knot_span(ku, p, n, ku[p]), last = seg_knot_span(ku, p, n, ku[n]);
+    for (int i = seg_knot_span(ku, p, n, u_a); i <= last && (ku[i] < u_b || i == first); i++) {
         if (ku[i + 1] <= ku[i])
             continue;
         if (!c->strips[i])
             c->strips[i] = make_strips(c, ku[i], ku[i + 1]);
         for (guint k = 0; k < c->strips[i]->len; k++) {
             const Strip *strip = &g_array_index(c->strips[i], Strip, k);
-            double a = fmax(u_a, strip->u_a), b = fmin(u_b, strip->u_b);
+            bool opens = i == first && k == 0, ends = i == last && k + 1 == c->strips[i]->len;
+            double a = opens ? u_a : fmax(u_a, strip->u_a), b = ends ? u_b : fmin(u_b, strip->u_b);
             if (a < b)
                 sum += over_strip(strip, row, a, b);
         }
