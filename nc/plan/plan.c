@@ -3,13 +3,23 @@
 #include <string.h>
 
 #include "nc/plan/estimate.h"
+#include "nc/plan/rest.h"
 #include "nc/plan/technology.h"
+
+/* A region on its way to one operation, or to two where a neighbour's tool takes its rest. */
+typedef struct {
+    const SegRegion *from;
+    const CfgRegion *wish; /* the recipe's, may be NULL */
+    NcRegion *region;      /* NULL: nothing to cut */
+    const CfgTool *tool;   /* that reaches all of it that can be reached, or the wish */
+} Job;
 
 static bool planner_init(NcPlanner *planner, const NcPlanInput *input, GError **error);
 static void planner_clear(NcPlanner *planner);
 static NcPlan *plan_of(NcPlanner *planner, CfgMethod method, GArray *operations);
-static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray *operations,
-                        GError **error);
+static bool job_init(Job *job, const NcPlanner *planner, const SegRegion *from, GError **error);
+static bool job_cut(const NcPlanner *planner, const Job *jobs, size_t n_jobs, const Job *job,
+                    GArray *operations, GError **error);
 static bool add_operation(const NcPlanner *planner, const NcRegion *region, const CfgRegion *wish,
                           NcOperation *operation, GArray *operations, GError **error);
 static void sort_operations(GArray *operations);
@@ -23,15 +33,22 @@ NcPlan *nc_plan_new(const NcPlanInput *input, GError **error)
     GArray *operations = g_array_new(FALSE, TRUE, sizeof(NcOperation));
     g_array_set_clear_func(operations, operation_clear);
     const SegSegmentation *segmentation = input->segmentation;
-    for (size_t r = 0; r < segmentation->n_regions; r++) {
-        if (!plan_region(&planner, &segmentation->regions[r], operations, error)) {
-            g_array_unref(operations);
-            planner_clear(&planner);
-            return NULL;
-        }
+    size_t n = segmentation->n_regions;
+    g_autofree Job *jobs = g_new0(Job, n + 1);
+    bool ok = true;
+    for (size_t r = 0; r < n && ok; r++)
+        ok = job_init(&jobs[r], &planner, &segmentation->regions[r], error);
+    for (size_t r = 0; r < n && ok; r++) {
+        ok = job_cut(&planner, jobs, n, &jobs[r], operations, error);
         if (input->progress)
-            input->progress((double)(r + 1) / (double)segmentation->n_regions,
-                            input->progress_data);
+            input->progress((double)(r + 1) / (double)n, input->progress_data);
+    }
+    for (size_t r = 0; r < n; r++)
+        nc_region_free(jobs[r].region);
+    if (!ok) {
+        g_array_unref(operations);
+        planner_clear(&planner);
+        return NULL;
     }
     return plan_of(&planner, input->recipe->method, operations);
 }
@@ -225,37 +242,74 @@ static void note_reach(const NcPlanner *planner, const NcOperation *operation, c
          reach->cutter_mm2, reach->body_mm2, reach->floor_mm2);
 }
 
-static bool plan_region(const NcPlanner *planner, const SegRegion *from, GArray *operations,
-                        GError **error)
+/* The region and the tool for all of it; notes say why nothing is to be cut. */
+static bool job_init(Job *job, const NcPlanner *planner, const SegRegion *from, GError **error)
 {
     const CfgRecipe *recipe = planner->input->recipe;
-    const CfgRegion *wish = cfg_recipe_region(recipe, from->name);
-    if (wish && wish->skip) {
+    *job = (Job){.from = from, .wish = cfg_recipe_region(recipe, from->name)};
+    if (job->wish && job->wish->skip) {
         note(planner, "region %d '%s': skipped by the recipe", from->id, from->name);
         return true;
     }
-    g_autoptr(NcRegion) region =
-        nc_region_new(planner->input->part, &planner->setup, planner->terrain, &from, 1,
-                      recipe->keep_out, recipe->n_keep_out);
-    if (region->n_facets == 0) {
+    job->region = nc_region_new(planner->input->part, &planner->setup, planner->terrain, &from, 1,
+                                recipe->keep_out, recipe->n_keep_out);
+    if (job->region->n_facets == 0) {
         note(planner, "region %d '%s': all of its faces are kept out", from->id, from->name);
+        g_clear_pointer(&job->region, nc_region_free);
         return true;
     }
-    const CfgTool *tool = NULL;
-    if (wish && wish->tool != 0) {
-        tool = cfg_tools_find(planner->input->tools, wish->tool);
-        if (!tool) {
-            g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
-                        "[region.%s] tool = %d: the tool table does not have it", from->name,
-                        wish->tool);
-            return false;
-        }
-    } else {
-        tool = nc_technology_tool(planner, region);
+    if (!job->wish || job->wish->tool == 0) {
+        job->tool = nc_technology_tool(planner, job->region);
+        return true;
     }
-    NcOperation operation = {
-        .region = from->id, .region_name = g_strdup(from->name), .kind = from->kind, .tool = tool};
-    return add_operation(planner, region, wish, &operation, operations, error);
+    job->tool = cfg_tools_find(planner->input->tools, job->wish->tool);
+    if (!job->tool)
+        g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                    "[region.%s] tool = %d: the tool table does not have it", from->name,
+                    job->wish->tool);
+    return job->tool != NULL;
+}
+
+/* The tools of the local features beside the region. */
+static GPtrArray *finer_tools(const Job *jobs, size_t n_jobs, const Job *job)
+{
+    GPtrArray *tools = g_ptr_array_new();
+    bool may = job->from->kind == SEG_REGION_REST && !(job->wish && job->wish->tool != 0);
+    for (size_t i = 0; i < n_jobs && may; i++) {
+        bool beside = false;
+        for (size_t k = 0; k < job->from->n_neighbours; k++)
+            beside |= job->from->neighbours[k] == jobs[i].from->id;
+        if (beside && jobs[i].region && !g_ptr_array_find(tools, jobs[i].tool, NULL))
+            g_ptr_array_add(tools, (gpointer)jobs[i].tool);
+    }
+    return tools;
+}
+
+static bool job_cut(const NcPlanner *planner, const Job *jobs, size_t n_jobs, const Job *job,
+                    GArray *operations, GError **error)
+{
+    if (!job->region)
+        return true;
+    g_autoptr(GPtrArray) finer = finer_tools(jobs, n_jobs, job);
+    NcAllotment allotment =
+        nc_allot(planner, job->region, job->tool, (const CfgTool *const *)finer->pdata, finer->len);
+    NcOperation operation = {.region = job->from->id,
+                             .region_name = g_strdup(job->from->name),
+                             .kind = job->from->kind,
+                             .tool = allotment.tool};
+    if (!allotment.rest)
+        return add_operation(planner, job->region, job->wish, &operation, operations, error);
+
+    NcOperation rest = operation;
+    rest.region_name = g_strdup(job->from->name);
+    rest.tool = allotment.rest_tool;
+    g_autoptr(NcRegion) most = nc_region_split(job->region, allotment.rest, false);
+    g_autoptr(NcRegion) strip = nc_region_split(job->region, allotment.rest, true);
+    g_free(allotment.rest);
+    if (add_operation(planner, most, job->wish, &operation, operations, error))
+        return add_operation(planner, strip, job->wish, &rest, operations, error);
+    operation_clear(&rest);
+    return false;
 }
 
 /* Cuts the region and takes the operation over; nothing is added where nothing can be reached. */

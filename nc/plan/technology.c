@@ -9,13 +9,14 @@
 #define COSINE_LEVEL 0.99996
 #define FLAT_SLANTING 0.02
 
+/* Radii are sampled on the surfaces: a corner as wide as the fillet fits it. */
+#define SAMPLED 1e-3
+
 /* Tools are compared by about so many samples of a region. */
 #define TRIAL_SAMPLES 1500
 
 static NcReach reach_of(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                         size_t stride, uint8_t *reached);
-static double pass_length(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
-                          const uint8_t *reached);
 
 NcReach nc_technology_reach(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                             uint8_t *reached)
@@ -46,7 +47,7 @@ typedef struct {
 static bool suits_form(const CfgTool *tool, const NcRegion *region, const uint8_t *reached)
 {
     if (tool->kind != CFG_TOOL_FLAT)
-        return nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + 1e-6);
+        return nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + SAMPLED);
     double slanting = 0, all = 0;
     for (size_t i = 0; i < region->n_samples; i++) {
         double up = region->samples[i].normal.z;
@@ -63,7 +64,7 @@ static Trial try_tool(const NcPlanner *planner, const NcRegion *region, const Cf
     Trial trial = {.reach = reach_of(planner, region, tool, stride, reached)};
     trial.floor_mm2 = trial.reach.floor_mm2;
     trial.left_mm2 = nc_reach_unreachable_mm2(&trial.reach) - trial.floor_mm2;
-    trial.length_mm = pass_length(planner, region, tool, reached);
+    trial.length_mm = nc_technology_length_mm(planner, region, tool, reached);
     trial.suits = suits_form(tool, region, reached);
     return trial;
 }
@@ -145,10 +146,8 @@ const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const 
     return best_of(tools, trials, excess);
 }
 
-/* Length of passes over what is reached, for planes that lie worst: along the slope. INFINITY where
- * nothing is reached. Walls count by the corner's step. */
-static double pass_length(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
-                          const uint8_t *reached)
+double nc_technology_length_mm(const NcPlanner *planner, const NcRegion *region,
+                               const CfgTool *tool, const uint8_t *reached)
 {
     NcCutter cutter = nc_cutter(tool);
     double scallop = planner->input->recipe->scallop_mm, length = 0;

@@ -8,7 +8,7 @@
 /* A tool suits a region when it leaves at most this share of it more than the best tool does, and,
  * of what no tip may touch lest it goes below the part, at most the second: a smaller tool would
  * gain no more there than a strip. */
-#define NC_SUITS 0.005
+#define NC_SUITS 0.01
 #define NC_SUITS_FLOOR 0.1
 
 /*
@@ -26,6 +26,11 @@ const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const 
 /* What one tool reaches; `reached` as of nc_reach, may be NULL. */
 NcReach nc_technology_reach(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                             uint8_t *reached);
+
+/* Length of passes over the samples marked in `reached`, for planes that lie worst: along the
+ * slope; INFINITY where none is. Walls count by the corner's step. */
+double nc_technology_length_mm(const NcPlanner *planner, const NcRegion *region,
+                               const CfgTool *tool, const uint8_t *reached);
 
 /*
  * Spindle n = 1000·vc / (π·D) within the spindle's range, feed n·z·fz within the axes' speeds, by

@@ -17,6 +17,14 @@ static void sample_facets(NcRegion *region);
 static NcTerrain *terrain_of(const NcRegion *region);
 static SegVec3 up_normal(SegVec3 a, SegVec3 b, SegVec3 c, bool *downward);
 
+static void grow(NcRegion *region, SegVec3 p)
+{
+    region->min =
+        seg_vec3(fmin(region->min.x, p.x), fmin(region->min.y, p.y), fmin(region->min.z, p.z));
+    region->max =
+        seg_vec3(fmax(region->max.x, p.x), fmax(region->max.y, p.y), fmax(region->max.z, p.z));
+}
+
 static bool kept_out(int32_t face, const int32_t *keep_out, size_t n)
 {
     for (size_t i = 0; i < n; i++)
@@ -57,6 +65,30 @@ NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const NcTerra
     sample_facets(region);
     region->terrain = terrain_of(region);
     return region;
+}
+
+NcRegion *nc_region_split(const NcRegion *region, const uint8_t *apart, bool marked)
+{
+    NcRegion *part = g_new0(NcRegion, 1);
+    part->facets = g_new(NcPatch, region->n_facets + 1);
+    part->min_concave_radius_mm = region->min_concave_radius_mm;
+    part->min = seg_vec3(DBL_MAX, DBL_MAX, DBL_MAX);
+    part->max = seg_vec3(-DBL_MAX, -DBL_MAX, -DBL_MAX);
+    for (size_t f = 0; f < region->n_facets; f++) {
+        const NcPatch *facet = &region->facets[f];
+        if ((apart[f] != 0) != marked)
+            continue;
+        part->facets[part->n_facets++] = *facet;
+        part->area_mm2 += facet->area_mm2;
+        grow(part, facet->a);
+        grow(part, facet->b);
+        grow(part, facet->c);
+    }
+    part->n_pieces = marked ? 0 : region->n_pieces;
+    part->pieces = g_memdup2(region->pieces, (region->n_pieces + 1) * sizeof *region->pieces);
+    sample_facets(part);
+    part->terrain = terrain_of(part);
+    return part;
 }
 
 void nc_region_free(NcRegion *region)
@@ -109,10 +141,7 @@ static void add_facet(NcRegion *region, const SegPart *part, const NcSetup *setu
     for (int k = 0; k < 3; k++) {
         if (seg_dot(normal[k], facet->normal) < 0)
             normal[k] = seg_scale(normal[k], -1);
-        region->min = seg_vec3(fmin(region->min.x, corner[k].x), fmin(region->min.y, corner[k].y),
-                               fmin(region->min.z, corner[k].z));
-        region->max = seg_vec3(fmax(region->max.x, corner[k].x), fmax(region->max.y, corner[k].y),
-                               fmax(region->max.z, corner[k].z));
+        grow(region, corner[k]);
     }
     facet->bend = bend_of(corner, normal, facet->normal);
     region->area_mm2 += area;

@@ -54,6 +54,10 @@ typedef struct {
 NcRegion *nc_region_new(const SegPart *part, const NcSetup *setup, const NcTerrain *terrain,
                         const SegRegion *const *regions, size_t n_regions, const int32_t *keep_out,
                         size_t n_keep_out);
+
+/* The facets marked in `apart` (a byte each), or those that are not: `marked` says which. The
+ * marked ones are no whole faces any more, so they have no pieces. */
+NcRegion *nc_region_split(const NcRegion *region, const uint8_t *apart, bool marked);
 void nc_region_free(NcRegion *region);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcRegion, nc_region_free)
 
