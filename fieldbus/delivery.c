@@ -87,8 +87,7 @@ static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions
 
 static void give_up(FbDelivery *d, FbActions *out)
 {
-    const bool running = d->task == FB_TASK_RUN &&
-                         (d->started || (d->asking && d->order.command == FB_COMMAND_START));
+    const bool running = fb_task_may_run(d);
     const char *doubt = d->asking ? "; whether it did " : "";
     fb_task_finish(
         d, g_error_new(FB_ERROR, running ? FB_ERROR_LINK_LOST : FB_ERROR_UNREACHABLE,
@@ -239,12 +238,13 @@ static void take_epoch(FbDelivery *d)
 {
     if (d->epoch == d->status.epoch)
         return;
+    const bool running = fb_task_may_run(d);
     if (d->busy && d->task_epoch != 0 && !d->finishing)
-        fb_task_finish(d, g_error_new(FB_ERROR, d->started ? FB_ERROR_LINK_LOST : FB_ERROR_REFUSED,
+        fb_task_finish(d, g_error_new(FB_ERROR, running ? FB_ERROR_LINK_LOST : FB_ERROR_REFUSED,
                                       "the machine was restarted (epoch %08x, was %08x)%s",
                                       d->status.epoch, d->epoch,
-                                      d->started ? " while it ran: what it did last is not known"
-                                                 : ": deliver again"));
+                                      running ? " while it ran: what it did last is not known"
+                                              : ": deliver again"));
     d->epoch = d->task_epoch = d->status.epoch;
     d->leased = d->started = false;
     d->transfer = 0;
@@ -253,7 +253,8 @@ static void take_epoch(FbDelivery *d)
 
 static void advance(FbDelivery *d, int64_t now_us, FbActions *out)
 {
-    if (!d->fresh) {
+    if (!d->fresh || d->must_look) {
+        d->must_look = false;
         send_request(d, FB_REQUEST_STATUS, now_us, out);
         return;
     }

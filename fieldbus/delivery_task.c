@@ -42,6 +42,12 @@ void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out)
         command_next(d, now_us, out);
 }
 
+bool fb_task_may_run(const FbDelivery *d)
+{
+    return d->task == FB_TASK_RUN &&
+           (d->started || (d->asking && d->order.command == FB_COMMAND_START));
+}
+
 void fb_task_finish(FbDelivery *d, GError *error)
 {
     d->finishing = true;
@@ -69,15 +75,31 @@ static const char *advice(FbState state, FbAnswer answer)
     return fb_answer_advice(answer);
 }
 
+static bool is_own_lease(const FbDelivery *d)
+{
+    return d->status.lease_owner == (uint32_t)(d->options.token >> 32);
+}
+
+/* Who has the lease that was refused, and until when; caller frees. */
+static char *owner_text(const FbDelivery *d)
+{
+    if (is_own_lease(d))
+        return g_strdup(" It is another program with this agent's token that is at work with it.");
+    return g_strdup_printf(" Its owner is %08x; without a sign of life it lapses in %.0f s.",
+                           d->status.lease_owner, d->status.lease_ms * 1e-3);
+}
+
 static GError *refusal(const FbDelivery *d, FbCommand command, FbAnswer answer)
 {
     const FbStatus *s = &d->status;
     g_autofree char *alarm = s->alarm_code ? g_strdup_printf(" Alarm %u: %s. %s", s->alarm_code,
                                                              s->alarm_text, s->alarm_advice)
                                            : NULL;
-    return g_error_new(FB_ERROR, FB_ERROR_REFUSED, "the machine refused %s in state %s: %s. %s%s",
+    g_autofree char *owner =
+        answer == FB_ANSWER_NO_LEASE && s->lease_owner != 0 ? owner_text(d) : NULL;
+    return g_error_new(FB_ERROR, FB_ERROR_REFUSED, "the machine refused %s in state %s: %s. %s%s%s",
                        fb_command_name(command), fb_state_name(s->state), fb_answer_name(answer),
-                       advice(s->state, answer), alarm ? alarm : "");
+                       advice(s->state, answer), owner ? owner : "", alarm ? alarm : "");
 }
 
 /* The lease is kept for the next task only by a delivery, and by who lets a run go on. */
@@ -86,6 +108,21 @@ static bool must_release(const FbDelivery *d)
     const bool keeps = d->task == FB_TASK_DELIVER ||
                        (d->task == FB_TASK_COMMAND && d->command == FB_COMMAND_RESUME);
     return d->leased && !(keeps && !d->outcome);
+}
+
+/* The lease of our own earlier session is given to us when the machine has not heard of that
+ * session for a while. Where it lapses later than it did, by more than an answer can take, that
+ * session is alive: it is another program's. */
+static bool may_reclaim(FbDelivery *d, int64_t now_us)
+{
+    const int64_t lapses_us = now_us + (int64_t)d->status.lease_ms * 1000;
+    if (d->lapses_us == 0)
+        d->lapses_us = lapses_us;
+    if (!is_own_lease(d) || lapses_us > d->lapses_us + d->options.reply_timeout_us ||
+        now_us - d->since_us >= d->options.give_up_us)
+        return false;
+    d->again_us = now_us + d->options.heartbeat_us;
+    return true;
 }
 
 /* What the answer to the last command means for the task. */
@@ -104,10 +141,8 @@ static void judge(FbDelivery *d, int64_t now_us)
         d->leased = true;
         d->beat_us = now_us + d->options.heartbeat_us;
     } else if (command == FB_COMMAND_LEASE && answer == FB_ANSWER_NO_LEASE &&
-               s->lease_owner == (uint32_t)(d->options.token >> 32) &&
-               now_us - d->since_us < d->options.give_up_us) {
-        /* Our own earlier session: it is given to us when the machine has not heard of it. */
-        d->again_us = now_us + d->options.heartbeat_us;
+               may_reclaim(d, now_us)) {
+        return;
     } else if (command == FB_COMMAND_OPEN && done) {
         d->opened = true;
         d->must_open = false;
@@ -195,11 +230,16 @@ static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
     }
 }
 
+/* What needs no lease, and waits for nothing. */
+static bool is_stop(FbCommand command)
+{
+    return command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT;
+}
+
 static void command_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
-    const bool stop = d->command == FB_COMMAND_HOLD || d->command == FB_COMMAND_ABORT;
     const bool nobody = d->status.lease_owner == 0;
-    fb_delivery_ask(d, nobody && !stop ? FB_COMMAND_LEASE : d->command, now_us, out);
+    fb_delivery_ask(d, nobody && !is_stop(d->command) ? FB_COMMAND_LEASE : d->command, now_us, out);
 }
 
 /* ---------------------------------------------------------------------- begin */
@@ -211,7 +251,10 @@ static void begin(FbDelivery *d, FbTask task, int64_t now_us)
     d->task = task;
     d->since_us = d->again_us = now_us;
     d->damaged = 0;
-    d->task_epoch = d->fresh ? d->epoch : 0;
+    d->lapses_us = 0;
+    d->must_look = true;
+    /* What was delivered is started on the machine that took it, or not at all. */
+    d->task_epoch = d->fresh || task == FB_TASK_RUN ? d->epoch : 0;
     if (!d->fresh)
         d->lost_us = now_us;
     if (d->link == LINK_DOWN)
@@ -251,4 +294,5 @@ void fb_delivery_command(FbDelivery *d, FbCommand command, int64_t now_us)
 {
     begin(d, FB_TASK_COMMAND, now_us);
     d->command = command;
+    d->must_look = !is_stop(command);
 }

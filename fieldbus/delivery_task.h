@@ -20,6 +20,7 @@ struct FbDelivery {
     int64_t lost_us;     /* since when there is no status; meaningless while `fresh` */
     char *why;           /* the last break */
     bool fresh;          /* `status` was read on this connection */
+    bool must_look;      /* it may be older than the task: other connections change things, too */
     FbStatus status;
     uint32_t epoch;        /* of the last status */
     uint16_t alarm_serial; /* the texts in `status` belong to it */
@@ -37,6 +38,7 @@ struct FbDelivery {
     FbTask task;
     FbCommand command; /* of TASK_COMMAND */
     int64_t since_us;
+    int64_t lapses_us;   /* the refused lease, when first looked at; 0: not yet */
     uint32_t task_epoch; /* another one ends the task; 0: none seen yet */
     bool finishing;      /* the task is over, with `outcome`, but for the release of the lease */
     GError *outcome;
@@ -64,6 +66,9 @@ void fb_delivery_send_chunk(FbDelivery *d, int64_t now_us, FbActions *out);
 
 /* Asks what comes next for the task, waits (again_us), or ends it. The status is fresh. */
 void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out);
+
+/* Whether the machine may have taken the task's START. */
+bool fb_task_may_run(const FbDelivery *d);
 
 /* The task is over; NULL: it succeeded. Takes the error. What is left is to release the lease. */
 void fb_task_finish(FbDelivery *d, GError *error);

@@ -234,6 +234,8 @@ FbModbusServer *fb_modbus_server_new(const char *host, uint16_t port, int unit_i
                                      FbReceiver *receiver, void (*act)(FbDo what, void *data),
                                      void *data, GMainContext *context, GError **error);
 uint16_t fb_modbus_server_port(const FbModbusServer *server); /* what port 0 became */
+/* Modbus exceptions answered so far, for the log: requests that are not of this protocol. */
+uint64_t fb_modbus_server_exceptions(const FbModbusServer *server);
 void fb_modbus_server_free(FbModbusServer *server);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbModbusServer, fb_modbus_server_free)
 
@@ -281,7 +283,8 @@ void fb_session_start(FbSession *session);
 /* A single command: HOLD, RESUME, ABORT, ACKNOWLEDGE, CLOSE, RELEASE; on a connection of its own,
  * so never behind a chunk. Commands are done in the order of the calls, but HOLD and ABORT go
  * before those that have not been sent. RESUME, ACKNOWLEDGE and CLOSE take the lease for their time
- * where it is free. */
+ * where it is free. After RESUME the machine wants beats: those of the session that started the
+ * run, or, where the lease was free, of this one. */
 void fb_session_command(FbSession *session, FbCommand command);
 
 const FbStatus *fb_session_status(const FbSession *session);

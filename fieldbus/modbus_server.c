@@ -30,8 +30,9 @@ struct FbModbusServer {
     void (*act)(FbDo what, void *data);
     void *data;
     int unit_id;
-    GPtrArray *clients; /* of FbMbap */
-    GArray *actions;    /* of FbDo */
+    GPtrArray *clients;  /* of FbMbap */
+    GArray *actions;     /* of FbDo */
+    uint64_t exceptions; /* answered */
     modbus_t *modbus;
     int modbus_fd; /* our end of its socketpair */
     modbus_mapping_t map;
@@ -64,6 +65,7 @@ static void on_adu(FbMbap *client, const uint8_t *adu, size_t n, void *data)
     if (!exception)
         exception = check(&wish);
     if (exception) {
+        s->exceptions++;
         const uint8_t refusal[] = {
             adu[0], adu[1], 0, 0, 0, 3, adu[6], pdu[0] | 0x80, (uint8_t)exception};
         n_out = sizeof refusal;
@@ -316,6 +318,11 @@ uint16_t fb_modbus_server_port(const FbModbusServer *s)
 {
     g_autoptr(GSocketAddress) address = g_socket_get_local_address(s->listener, NULL);
     return address ? g_inet_socket_address_get_port(G_INET_SOCKET_ADDRESS(address)) : 0;
+}
+
+uint64_t fb_modbus_server_exceptions(const FbModbusServer *s)
+{
+    return s->exceptions;
 }
 
 static void end_source(GSource *source)

@@ -98,7 +98,7 @@ static void watch_agent(FbReceiver *r, int64_t now_us, GArray *actions)
         return;
     if (!r->agent_lost) {
         r->agent_lost = true;
-        r->needs_acknowledge |= r->verified;
+        r->needs_acknowledge = true;
         const bool moves = r->state == FB_STATE_RUNNING || r->state == FB_STATE_TOOL_CHANGE;
         if (moves && r->options.on_agent_loss == CFG_AGENT_LOSS_NEXT_GATE) {
             act(actions, FB_DO_HOLD_AT_GATE);
@@ -128,7 +128,7 @@ static FbAnswer take_lease(FbReceiver *r, const FbOrder *o, int64_t now_us)
     if (r->lease_token != 0 && !(same && (o->session == r->lease_session || silent)))
         return FB_ANSWER_NO_LEASE;
     if (same && o->session != r->lease_session)
-        r->needs_acknowledge |= r->verified;
+        r->needs_acknowledge = true;
     r->lease_token = o->token;
     r->lease_session = o->session;
     hear_agent(r, o->session, o->token, now_us);
@@ -220,6 +220,21 @@ static FbAnswer verify(FbReceiver *r, const FbOrder *o, GArray *actions)
     return FB_ANSWER_NONE;
 }
 
+/* Whoever sets the machine moving has to beat from now on, or the agent is lost once more. */
+static FbAnswer set_moving(FbReceiver *r, FbCommand command, int64_t now_us, GArray *actions)
+{
+    if (r->needs_acknowledge)
+        return FB_ANSWER_NEEDS_ACKNOWLEDGE;
+    r->heard_us = now_us;
+    r->agent_lost = false;
+    if (command == FB_COMMAND_START) {
+        r->run++;
+        r->run_end = FB_RUN_NONE;
+    }
+    act(actions, command == FB_COMMAND_START ? FB_DO_START : FB_DO_RESUME);
+    return FB_ANSWER_DONE;
+}
+
 /* What the command does beside the change of state: DONE, NONE, or why it does not. */
 static FbAnswer effect(FbReceiver *r, const FbOrder *o, bool changes, int64_t now_us,
                        GArray *actions)
@@ -236,17 +251,8 @@ static FbAnswer effect(FbReceiver *r, const FbOrder *o, bool changes, int64_t no
     case FB_COMMAND_VERIFY:
         return verify(r, o, actions);
     case FB_COMMAND_START:
-        if (r->needs_acknowledge)
-            return FB_ANSWER_NEEDS_ACKNOWLEDGE;
-        r->run++;
-        r->run_end = FB_RUN_NONE;
-        act(actions, FB_DO_START);
-        break;
     case FB_COMMAND_RESUME:
-        if (r->needs_acknowledge)
-            return FB_ANSWER_NEEDS_ACKNOWLEDGE;
-        act(actions, FB_DO_RESUME);
-        break;
+        return set_moving(r, o->command, now_us, actions);
     case FB_COMMAND_HOLD:
     case FB_COMMAND_ABORT:
         if (changes)

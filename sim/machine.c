@@ -107,7 +107,8 @@ char *sim_machine_summary(const SimMachine *machine)
                                fb_answer_name((FbAnswer)answer), refused[answer]);
         any = true;
     }
-    g_string_append(text, any ? "\n" : " none\n");
+    g_string_append_printf(text, "%s\nModbus exceptions: %" G_GUINT64_FORMAT "\n",
+                           any ? "" : " none", fb_modbus_server_exceptions(machine->server));
     return g_string_free(text, FALSE);
 }
 

@@ -141,6 +141,10 @@ static void goes_on_from_received(void)
     const uint32_t transfer = s.transfer;
     const unsigned before = b->requests;
     work(b, program, gates);
+    g_assert_error(b->error, FB_ERROR, FB_ERROR_REFUSED); /* a restarted agent starts nothing */
+    g_assert_cmpuint(b->starts, ==, 0);
+    bus_machine_event(b, FB_MACHINE_ACKNOWLEDGED);
+    work(b, program, gates);
     g_assert_no_error(b->error);
     g_assert_true(b->ended[FB_TASK_RUN]);
     g_assert_cmpuint(b->starts, ==, 1);

@@ -141,7 +141,7 @@ static void agent_loss(void)
         const FbStatus s = rig_status(&rig);
         g_assert_cmpstr(fb_state_name(s.state), ==, fb_state_name(cases[i].then));
         g_assert_true(s.agent_lost);
-        g_assert_true(s.needs_acknowledge == (cases[i].in != FB_STATE_LOADING));
+        g_assert_true(s.needs_acknowledge);
         if (cases[i].act < 0)
             g_assert_cmpuint(rig.actions->len, ==, 0);
         else
@@ -178,6 +178,47 @@ static void link_loss_needs_acknowledge(void)
     fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
     rig_machine(&rig, FB_MACHINE_HELD);
     must_be_acknowledged(&rig, FB_COMMAND_RESUME);
+    /* Nobody beats behind the RESUME: lost again. */
+    g_assert_false(rig_status(&rig).agent_lost);
+    g_array_set_size(rig.actions, 0);
+    rig.now_us += RIG_AGENT_S * SECOND;
+    fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
+    g_assert_true(rig_did(&rig, FB_DO_HOLD));
+    g_assert_true(rig_status(&rig).needs_acknowledge);
+    rig_free(&rig);
+}
+
+/* From a session that does not have the lease, but the token, the same. */
+static void resumed_by_another_process(void)
+{
+    Rig rig = rig_new();
+    rig_lead(&rig, FB_STATE_HELD);
+    rig.now_us += RIG_AGENT_S * SECOND;
+    fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
+    rig_machine(&rig, FB_MACHINE_ACKNOWLEDGED);
+    const FbOrder resume = {.session = 12,
+                            .seq = 1,
+                            .epoch = RIG_EPOCH,
+                            .transfer = rig.transfer,
+                            .token = RIG_TOKEN,
+                            .command = FB_COMMAND_RESUME};
+    g_assert_cmpstr(fb_answer_name(rig_write_order(&rig, &resume)), ==, "DONE");
+    g_array_set_size(rig.actions, 0);
+    rig.now_us += RIG_AGENT_S * SECOND;
+    fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
+    g_assert_true(rig_did(&rig, FB_DO_HOLD_AT_GATE));
+    rig_free(&rig);
+}
+
+/* Lost while the machine still examines the program. */
+static void lost_while_verifying(void)
+{
+    Rig rig = rig_new();
+    rig_lead(&rig, FB_STATE_VERIFYING);
+    rig.now_us += RIG_AGENT_S * SECOND;
+    fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
+    rig_machine(&rig, FB_MACHINE_VERIFIED);
+    must_be_acknowledged(&rig, FB_COMMAND_START);
     rig_free(&rig);
 }
 
@@ -235,6 +276,8 @@ static void add(void)
     g_test_add_func("/fieldbus/lease/tick-says-when", tick_says_when);
     g_test_add_func("/fieldbus/lease/agent-loss", agent_loss);
     g_test_add_func("/fieldbus/lease/link-loss-needs-acknowledge", link_loss_needs_acknowledge);
+    g_test_add_func("/fieldbus/lease/resumed-by-another-process", resumed_by_another_process);
+    g_test_add_func("/fieldbus/lease/lost-while-verifying", lost_while_verifying);
     g_test_add_func("/fieldbus/lease/restarted-agent", restarted_agent_needs_acknowledge);
     g_test_add_func("/fieldbus/lease/alarm-needs-acknowledge", alarm_needs_acknowledge);
 }

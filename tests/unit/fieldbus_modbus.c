@@ -39,9 +39,11 @@ static ssize_t ask(Cell *c, int fd, const uint8_t *pdu, size_t n, uint8_t *answe
 static void assert_exception(Cell *c, int fd, const uint8_t *pdu, size_t n, int exception)
 {
     uint8_t answer[260] = {0};
+    const uint64_t before = fb_modbus_server_exceptions(c->server);
     g_assert_cmpint(ask(c, fd, pdu, n, answer), ==, 2);
     g_assert_cmphex(answer[0], ==, pdu[0] | 0x80);
     g_assert_cmpint(answer[1], ==, exception);
+    g_assert_cmpuint(fb_modbus_server_exceptions(c->server), ==, before + 1);
 }
 
 static void exceptions_as_documented(void)

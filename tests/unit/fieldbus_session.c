@@ -154,6 +154,63 @@ static void two_agents(void)
     close_cell(&c);
 }
 
+/* A command straight behind a task goes by the lease as it is, not as it was seen last. */
+static void command_behind_a_task(void)
+{
+    Cell c;
+    open_cell(&c);
+    open_session(&c);
+    g_autoptr(GBytes) p = program(1000);
+    const uint64_t gates[] = {g_bytes_get_size(p)};
+    for (int i = 0; i < 10; i++) {
+        fb_session_deliver(c.session, p, gates, 1);
+        g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2 * i + 1));
+        fb_session_start(c.session);
+        g_assert_true(run_until(&c, &c.done[FB_TASK_RUN], i + 1));
+        g_assert_no_error(c.error);
+        fb_session_command(c.session, FB_COMMAND_ACKNOWLEDGE); /* the lease has just gone */
+        g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 1));
+        g_assert_no_error(c.error);
+        fb_session_deliver(c.session, p, gates, 1);
+        g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2 * i + 2));
+        fb_session_command(c.session, FB_COMMAND_CLOSE); /* it has just come */
+        g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 2));
+        g_assert_no_error(c.error);
+    }
+    close_cell(&c);
+}
+
+/* The same agent twice: refused as soon as the first one is seen alive. */
+static void same_agent_twice(void)
+{
+    Cell c;
+    open_cell(&c);
+    open_session(&c);
+    fb_session_set_token(c.session, UINT64_C(0x500000007));
+    g_autoptr(GBytes) p = program(1000);
+    const uint64_t gates[] = {g_bytes_get_size(p)};
+    fb_session_deliver(c.session, p, gates, 1);
+    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    FbSession *first = c.session;
+    open_session(&c);
+    fb_session_set_token(c.session, UINT64_C(0x500000007));
+    const int64_t began_us = g_get_monotonic_time();
+    fb_session_deliver(c.session, p, gates, 1);
+    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2));
+    g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED);
+    if (c.error)
+        g_assert_nonnull(strstr(c.error->message, "another program with this agent's token"));
+    /* reply_timeout and some beats; agent_timeout, when it would be reclaimed, is 5 s. */
+    g_assert_cmpint(g_get_monotonic_time() - began_us, <, 4500000);
+    FbStatus s;
+    fb_session_free(g_steal_pointer(&c.session));
+    turn(&c, 20);
+    fb_receiver_status(c.receiver, g_get_monotonic_time(), &s);
+    g_assert_cmphex(s.lease_owner, ==, 5);
+    fb_session_free(first);
+    close_cell(&c);
+}
+
 /* A session that ends in good order gives the lease back at once. */
 static void farewell(void)
 {
@@ -217,6 +274,8 @@ static void add(void)
     g_test_add_func("/fieldbus/session/crowd", crowd);
     g_test_add_func("/fieldbus/session/without-machine", session_without_machine);
     g_test_add_func("/fieldbus/session/two-agents", two_agents);
+    g_test_add_func("/fieldbus/session/command-behind-a-task", command_behind_a_task);
+    g_test_add_func("/fieldbus/session/same-agent-twice", same_agent_twice);
     g_test_add_func("/fieldbus/session/farewell", farewell);
     g_test_add_func("/fieldbus/session/machine-restarts", machine_restarts);
 }
