@@ -342,11 +342,12 @@ static void begin_program(SimController *c, GArray *actions)
     follow(c, 0, actions);
 }
 
-/* Up, across, down: rapids that stop exactly. */
+/* To the top of the travel, across, down: rapids that stop exactly. Whatever is clamped on the
+ * table, and wherever tools are changed, no higher way leads over it. */
 static SimProgram *approach_new(const SimController *c)
 {
     SegVec3 from = c->position_mm, to = c->program->moves[0].from;
-    double up = fmax(from.z, to.z);
+    double up = c->options.machine->axis[2].max_mm;
     const SegVec3 corners[] = {from, {from.x, from.y, up}, {to.x, to.y, up}, to, to};
     GArray *moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
     for (size_t i = 1; i < G_N_ELEMENTS(corners); i++) {

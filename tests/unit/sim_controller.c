@@ -173,14 +173,44 @@ static void second_start_returns(void)
     g_assert_cmpuint(rig_blocks(&rig), ==, 4);
     SimBlock again = rig_block(&rig, 2);
     g_assert_cmpuint(again.line, ==, 2);
-    /* 10 mm at 400 mm/s² never reach 200 mm/s: 2√(10/400) s; 50 mm across at 12000 mm/min per
-     * axis: Y limits acceleration to 600/0.8 and speed to 250 mm/s; 2√(50/750) s. */
-    test_near(again.start_s, 2 * sqrt(10.0 / 400) + 2 * sqrt(50.0 / 750), 1e-9, 0);
+    /* Up to 500 mm and down again: 510 and 500 mm at 200 mm/s, 0.5 s more for the two ramps of
+     * 400 mm/s². 50 mm across at 12000 mm/min per axis: Y limits acceleration to 600/0.8 and speed
+     * to 250 mm/s, which are not reached; 2√(50/750) s. */
+    test_near(again.start_s, (510 + 500) / 200.0 + 2 * 0.5 + 2 * sqrt(50.0 / 750), 1e-9, 0);
     test_near(again.end_s - again.start_s, once_s, 1e-9, 0);
     SimTotals totals = sim_controller_totals(rig.controller);
     g_assert_cmpuint(totals.started, ==, 2);
     g_assert_cmpuint(totals.completed, ==, 2);
     test_near(totals.machine_s, 2 * once_s + again.start_s, 1e-9, 0);
+    rig_clear(&rig);
+}
+
+/* From within the part, tools being changed deeper still: nothing moves across but at the top. */
+static void returns_over_the_top(void)
+{
+    Rig rig;
+    rig_init(&rig, 1, 1000);
+    sim_controller_free(rig.controller);
+    rig.machine.tool_change_mm[2] = -300;
+    SimControllerOptions options = {.machine = &rig.machine, .speed = 1, .moves_per_step = 1000};
+    rig.controller = sim_controller_new(&options);
+    rig_load(&rig, "G21 G90\nG53 G0 X30 Y40 Z-200\nM30\n", NULL, 0);
+    rig_do(&rig, SIM_START);
+    rig_run(&rig, 1000, 60);
+    rig_do(&rig, SIM_START);
+    double top = -INFINITY;
+    unsigned across = 0;
+    while (rig_see(&rig).line == 0 && rig.now_us < 60000000) {
+        rig_tick(&rig, 1000);
+        FbProgress see = rig_see(&rig);
+        top = fmax(top, see.position_mm[2]);
+        if (see.line == 0 && see.position_mm[0] > 1e-6 && see.position_mm[0] < 30 - 1e-6) {
+            across++;
+            g_assert_cmpfloat(see.position_mm[2], ==, 500);
+        }
+    }
+    g_assert_cmpuint(across, >, 10);
+    g_assert_cmpfloat(top, ==, 500);
     rig_clear(&rig);
 }
 
@@ -279,6 +309,7 @@ static void add(void)
     g_test_add_func("/sim/controller/same-at-every-speed", same_at_every_speed);
     g_test_add_func("/sim/controller/bounded-steps", bounded_steps);
     g_test_add_func("/sim/controller/second-start-returns", second_start_returns);
+    g_test_add_func("/sim/controller/returns-over-the-top", returns_over_the_top);
     g_test_add_func("/sim/controller/commands-in-wrong-states", commands_in_wrong_states);
     g_test_add_func("/sim/controller/refused", refused);
     g_test_add_func("/sim/controller/gates-found", gates_found);
