@@ -36,9 +36,7 @@ static double spindle_rpm(const NcModal *modal)
     return modal->spindle * modal->speed_rpm;
 }
 
-/* Appends a move that stands still; the caller sets what is special to its kind. The pointer is
- * good until the next one. */
-static NcMove *append(NcExecution *x, NcMoveKind kind)
+NcMove *nc_append_move(NcExecution *x, NcMoveKind kind)
 {
     const NcModal *modal = &x->modal;
     g_array_set_size(x->moves, x->moves->len + 1);
@@ -63,7 +61,7 @@ static NcMove *append(NcExecution *x, NcMoveKind kind)
 
 static NcMove *append_to(NcExecution *x, NcMoveKind kind, SegVec3 to)
 {
-    NcMove *made = append(x, kind);
+    NcMove *made = nc_append_move(x, kind);
     made->to = to;
     x->modal.position = to;
     return made;
@@ -105,21 +103,21 @@ static void machine_functions(NcExecution *x)
     if (block->m[NC_M_TOOL] == 6) {
         modal->spindle = 0;
         modal->tool = modal->selected_tool;
-        append(x, NC_MOVE_TOOL_CHANGE);
+        nc_append_move(x, NC_MOVE_TOOL_CHANGE);
     }
     int m = block->m[NC_M_SPINDLE];
     if (m >= 0)
         modal->spindle = m == 3 ? 1 : m == 4 ? -1 : 0;
     if (m >= 0 || (nc_word(block, 'S') && modal->spindle != 0))
-        append(x, NC_MOVE_SPINDLE);
+        nc_append_move(x, NC_MOVE_SPINDLE);
     m = block->m[NC_M_COOLANT];
     if (m >= 0) {
         modal->mist = m == 7 || (m == 8 && modal->mist);
         modal->flood = m == 8 || (m == 7 && modal->flood);
-        append(x, NC_MOVE_COOLANT);
+        nc_append_move(x, NC_MOVE_COOLANT);
     }
     if (block->g[NC_G_NON_MODAL] == 40)
-        append(x, NC_MOVE_DWELL)->dwell_s = nc_word(block, 'P')->value;
+        nc_append_move(x, NC_MOVE_DWELL)->dwell_s = nc_word(block, 'P')->value;
 }
 
 /* G43 with no H, or with H0, takes the tool in the spindle. */
@@ -240,10 +238,10 @@ static void stop(NcExecution *x)
     NcModal *modal = &x->modal;
     switch (x->block->m[NC_M_STOP]) {
     case 0:
-        append(x, NC_MOVE_STOP);
+        nc_append_move(x, NC_MOVE_STOP);
         break;
     case 1:
-        append(x, NC_MOVE_OPTIONAL_STOP);
+        nc_append_move(x, NC_MOVE_OPTIONAL_STOP);
         break;
     case 2:
     case 30:
@@ -254,13 +252,13 @@ static void stop(NcExecution *x)
         modal->feed_mm_min = 0.0;
         if (modal->spindle != 0) {
             modal->spindle = 0;
-            append(x, NC_MOVE_SPINDLE);
+            nc_append_move(x, NC_MOVE_SPINDLE);
         }
         if (modal->mist || modal->flood) {
             modal->mist = modal->flood = false;
-            append(x, NC_MOVE_COOLANT);
+            nc_append_move(x, NC_MOVE_COOLANT);
         }
-        append(x, NC_MOVE_END);
+        nc_append_move(x, NC_MOVE_END);
         modal->ended = true;
         break;
     default:

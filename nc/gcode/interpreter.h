@@ -109,6 +109,10 @@ bool nc_lex(const char *text, size_t length, uint32_t line, NcBlock *block, GErr
  * motion that the state does not allow; finds the motion of the block. */
 bool nc_check(NcBlock *block, const NcModal *modal, GError **error);
 
+/* Appends a move that stands still, in the modal state; the caller sets what is special to its
+ * kind. The pointer is good until the next one. */
+NcMove *nc_append_move(NcExecution *execution, NcMoveKind kind);
+
 /* Carries a checked block out. */
 bool nc_execute(NcExecution *execution, GError **error);
 

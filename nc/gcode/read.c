@@ -90,15 +90,7 @@ static bool read_percent(NcExecution *x, GError **error)
         return nc_word_error(error, modal->line, NULL,
                              "%% ends a program that did not begin with %%");
     }
-    NcMove end = {.kind = NC_MOVE_END,
-                  .line = modal->line,
-                  .region = modal->region,
-                  .tool = modal->tool,
-                  .from = modal->position,
-                  .to = modal->position,
-                  .plane = modal->plane,
-                  .spindle_rpm = modal->spindle * modal->speed_rpm};
-    g_array_append_val(x->moves, end);
+    nc_append_move(x, NC_MOVE_END);
     modal->ended = true;
     return true;
 }
