@@ -23,8 +23,10 @@ const AgentCommand agent_resume = {
     .name = "resume",
     .synopsis = "--to NAME",
     .summary = "go on after a hold or a program stop: the machine will move",
-    .help = "Goes on where the machine holds or stopped for M0. It needs the lease: the same\n"
-            "user's `segmill run` shares its own.",
+    .help =
+        "Goes on where the machine holds or stopped for M0. It needs the lease: the same\n"
+        "user's `segmill run` shares its own. Where that has ended nobody watches the machine,\n"
+        "and it does what its on_agent_loss says: by default it holds at the next gate again.",
     .takes = AGENT_TAKES_TO | AGENT_TAKES_CONFIG,
     .needs = AGENT_TAKES_TO,
     .run = run_resume,

@@ -9,16 +9,40 @@
 static void show_delivery(const FbStatus *status);
 static void show_run(AgentExecution *execution, const FbStatus *status);
 
+/* Asks for a hold or an abort; what the machine says to it is seen with the next status. */
+static void ask_stop(AgentExecution *execution, FbCommand stop)
+{
+    AgentLink *link = execution->link;
+    execution->stop = stop;
+    link->done[FB_TASK_COMMAND] = false;
+    fb_session_command(link->session, stop);
+}
+
+/* A stop may fail, or come to the machine before the START that is on its way over the other
+ * connection: as long as the program is on it is asked for again. */
+static void insist_on_stop(AgentExecution *execution, const FbStatus *status)
+{
+    AgentLink *link = execution->link;
+    const GError *error = link->error[FB_TASK_COMMAND];
+    if (execution->stop == FB_COMMAND_NONE || !link->done[FB_TASK_COMMAND] || !error ||
+        status->state < FB_STATE_RUNNING || status->state > FB_STATE_ABORTING)
+        return;
+    agent_progress_note("%s; asking again", error->message);
+    ask_stop(execution, execution->stop);
+}
+
 static void on_status(const FbStatus *status, void *data)
 {
     AgentExecution *execution = data;
     if (execution->follow)
         agent_follow_step(execution->follow, status,
                           (double)(g_get_monotonic_time() - execution->start_us) * 1e-6);
-    if (execution->started)
+    if (execution->started) {
         show_run(execution, status);
-    else
+        insist_on_stop(execution, status);
+    } else {
         show_delivery(status);
+    }
 }
 
 static gboolean on_interrupt(void *data)
@@ -35,11 +59,11 @@ static gboolean on_interrupt(void *data)
         agent_progress_note("asking for a hold; Ctrl-C again aborts, `segmill resume --to %s` "
                             "goes on",
                             execution->name);
-        fb_session_command(link->session, FB_COMMAND_HOLD);
+        ask_stop(execution, FB_COMMAND_HOLD);
         break;
     case 2:
         agent_progress_note("asking for an abort");
-        fb_session_command(link->session, FB_COMMAND_ABORT);
+        ask_stop(execution, FB_COMMAND_ABORT);
         break;
     default:
         agent_link_cancel(

@@ -12,6 +12,7 @@ typedef struct {
     int64_t start_us;    /* of the record's clock, monotonic */
     bool started;        /* START was sent */
     int interrupts;      /* Ctrl-C so far, since START */
+    FbCommand stop;      /* what they asked for last */
     FbState state;       /* as last told to the person */
     char *name;          /* of the machine, for messages */
 } AgentExecution;

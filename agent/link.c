@@ -5,8 +5,6 @@
 
 #include "agent/token.h"
 
-#define RELEASE_S 1
-
 static CfgAgent *load_agent(const AgentOptions *options, GError **error);
 static bool find_target(AgentLink *link, const char *name, GError **error);
 
@@ -178,19 +176,4 @@ bool agent_link_command(AgentLink *link, FbCommand command, GError **error)
     link->done[FB_TASK_COMMAND] = false;
     fb_session_command(link->session, command);
     return agent_link_wait(link, FB_TASK_COMMAND, error);
-}
-
-static gboolean on_release_late(void *data)
-{
-    agent_link_cancel(data, g_error_new_literal(FB_ERROR, FB_ERROR_UNREACHABLE, "no answer"));
-    return G_SOURCE_REMOVE;
-}
-
-void agent_link_release(AgentLink *link)
-{
-    GSource *source = timer(link, RELEASE_S, on_release_late);
-    g_autoptr(GError) unimportant = NULL;
-    agent_link_command(link, FB_COMMAND_RELEASE, &unimportant);
-    g_source_destroy(source);
-    g_source_unref(source);
 }

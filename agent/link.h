@@ -26,6 +26,8 @@ typedef struct AgentLink {
  * built-in one), or an address. Connects in the background. Errors: AGENT_ERROR_TARGET,
  * CFG_ERROR. */
 AgentLink *agent_link_open(const AgentOptions *options, GError **error);
+
+/* Gives the lease back, unless a run is on. */
 void agent_link_free(AgentLink *link);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentLink, agent_link_free)
 
@@ -43,9 +45,5 @@ bool agent_link_command(AgentLink *link, FbCommand command, GError **error);
 
 /* Ends the wait that is going on; takes `cause`. */
 void agent_link_cancel(AgentLink *link, GError *cause);
-
-/* Gives the lease back, as far as the machine answers within a second: the next agent need not wait
- * until it lapses. */
-void agent_link_release(AgentLink *link);
 
 #endif

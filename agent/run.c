@@ -110,7 +110,6 @@ static bool execute(const AgentOptions *options, const AgentJob *job, AgentJson 
                                     &ended) &&
               agent_execute_start(&execution, &ended);
     link->status = NULL;
-    agent_link_release(link);
     bool written = write_report(options, job, started, &follow, ended, ok ? error : NULL);
     if (ok && written)
         describe(&follow, result, options->json);

@@ -84,7 +84,6 @@ static bool deliver(const AgentOptions *options, AgentLink *link, const Load *lo
     if (ok && options->start)
         ok = agent_execute_start(&execution, error);
     link->status = NULL;
-    agent_link_release(link);
     return ok;
 }
 
