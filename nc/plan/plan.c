@@ -321,20 +321,27 @@ static bool add_operation(const NcPlanner *planner, const NcRegion *region, cons
     operation->requested_area_mm2 = reach.requested_mm2;
     operation->unreachable_area_mm2 = nc_reach_unreachable_mm2(&reach);
     note_reach(planner, operation, &reach);
-    if (operation->unreachable_area_mm2 >= reach.requested_mm2 * (1 - 1e-9)) {
+    double reachable = reach.requested_mm2 - operation->unreachable_area_mm2;
+    if (reachable <= 1e-9 * reach.requested_mm2) {
         operation_clear(operation);
         return true;
     }
     bool ok = nc_technology_cutting(planner, wish, operation, error) &&
               nc_technology_depth(planner, operation, error) &&
               nc_planner_cut(planner, region, reached, wish, operation, error);
+    if (ok && operation->path.locations->len == 0 && reachable <= NC_SUITS * reach.requested_mm2) {
+        note(planner,
+             "region %d '%s': left, because no pass touches the little that can be reached",
+             operation->region, operation->region_name);
+        operation_clear(operation);
+        return true;
+    }
     if (ok && operation->path.locations->len == 0) {
         g_autofree char *name = nc_planner_tool_name(operation->tool);
         g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
                     "region %d '%s': %s can reach %.4g of %.4g mm², but %s passes touch none of it "
                     "(walls?); choose another strategy or skip = true in [region.%s]",
-                    operation->region, operation->region_name, name,
-                    reach.requested_mm2 - nc_reach_unreachable_mm2(&reach), reach.requested_mm2,
+                    operation->region, operation->region_name, name, reachable, reach.requested_mm2,
                     nc_strategy_name(operation->strategy), operation->region_name);
         ok = false;
     }

@@ -29,6 +29,8 @@ NcAllotment nc_allot(const NcPlanner *planner, const NcRegion *region, const Cfg
                      const CfgTool *const *finer, size_t n_finer)
 {
     NcAllotment best = {.tool = whole};
+    if (n_finer == 0)
+        return best;
     g_autoptr(GPtrArray) tools = nc_planner_tools(planner, NULL);
     NcRegion middles = middles_of(region);
     Trial own;
@@ -36,8 +38,8 @@ NcAllotment nc_allot(const NcPlanner *planner, const NcRegion *region, const Cfg
     bool usable = trial_init(&own, planner, region, &middles, whole);
     for (size_t i = 0; i < n_finer; i++)
         usable &= trial_init(&fine[i], planner, region, &middles, finer[i]);
-    double least_s = (1 - NC_REST_GAIN) * time_s(planner, region, &own);
-    for (guint t = 0; usable && n_finer > 0 && t < tools->len; t++) {
+    double least_s = usable ? (1 - NC_REST_GAIN) * time_s(planner, region, &own) : 0;
+    for (guint t = 0; usable && t < tools->len; t++) {
         const CfgTool *tool = tools->pdata[t];
         if (tool->kind != whole->kind || tool->diameter_mm <= whole->diameter_mm)
             continue;

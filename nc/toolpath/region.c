@@ -198,14 +198,14 @@ static NcBend bend_of(const SegVec3 corner[3], const SegVec3 normal[3], SegVec3 
 }
 
 /* A place on a curve that visits the cells of a 1024² grid so that neighbours on it are neighbours
- * in the plane (Morton 1966), walls and downward ground apart. */
+ * in the plane (Morton 1966), downward ground and walls apart, in this order. */
 static uint64_t order_of(const NcRegion *region, const NcPatch *facet)
 {
     double size = fmax(fmax(region->max.x - region->min.x, region->max.y - region->min.y), 1e-9);
     SegVec3 middle = seg_scale(seg_add(facet->a, seg_add(facet->b, facet->c)), 1.0 / 3);
     uint64_t x = (uint64_t)((middle.x - region->min.x) / size * 1023);
     uint64_t y = (uint64_t)((middle.y - region->min.y) / size * 1023);
-    uint64_t code = facet->downward ? 2 : facet->normal.z < NC_WALL_UP;
+    uint64_t code = facet->normal.z < NC_WALL_UP ? 2 : facet->downward;
     for (int bit = 9; bit >= 0; bit--)
         code = code << 2 | (x >> bit & 1) << 1 | (y >> bit & 1);
     return code;
@@ -254,6 +254,8 @@ static void sample_facets(NcRegion *region)
 static NcTerrain *terrain_of(const NcRegion *region)
 {
     size_t n = region->n_facets;
+    while (n > 0 && region->facets[n - 1].normal.z < NC_WALL_UP)
+        n--;
     g_autofree SegVec3 *vertices = g_new(SegVec3, 3 * n + 1);
     g_autofree int32_t(*triangles)[3] = g_malloc_n(n + 1, sizeof *triangles);
     for (size_t f = 0; f < n; f++) {

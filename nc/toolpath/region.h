@@ -42,7 +42,8 @@ typedef struct {
     size_t n_facets;
     NcSample *samples;
     size_t n_samples;
-    NcTerrain *terrain;      /* the facets alone; its triangles are their indices */
+    NcTerrain *terrain; /* the facets alone, but for walls, which a drop can only touch at their
+                         * upper edge; its triangles are their indices */
     const SegPiece **pieces; /* of the segmentation */
     size_t n_pieces;
     double area_mm2;

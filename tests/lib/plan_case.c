@@ -171,3 +171,25 @@ SegPart *plan_case_height_field(double side, int n, double bottom, double (*heig
                                             vertices->str, triangles->str);
     return seg_part_from_mesh(text, strlen(text), "height-field.off", NULL);
 }
+
+SegPart *plan_case_boxes(const double (*boxes)[6], int n)
+{
+    static const int quads[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
+                                    {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
+    g_autoptr(GString) vertices = g_string_new(NULL);
+    g_autoptr(GString) triangles = g_string_new(NULL);
+    int n_triangles = 0;
+    for (int b = 0; b < n; b++) {
+        for (int k = 0; k < 8; k++)
+            add_vertex(vertices, boxes[b][k & 1 ? 3 : 0], boxes[b][k & 2 ? 4 : 1],
+                       boxes[b][k & 4 ? 5 : 2]);
+        for (int q = 0; q < 6; q++) {
+            const int *c = quads[q];
+            add_triangle(triangles, 8 * b + c[0], 8 * b + c[1], 8 * b + c[2], &n_triangles);
+            add_triangle(triangles, 8 * b + c[0], 8 * b + c[2], 8 * b + c[3], &n_triangles);
+        }
+    }
+    g_autofree char *text =
+        g_strdup_printf("OFF\n%d %d 0\n%s%s", 8 * n, n_triangles, vertices->str, triangles->str);
+    return seg_part_from_mesh(text, strlen(text), "boxes.off", NULL);
+}

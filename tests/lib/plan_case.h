@@ -33,4 +33,7 @@ void plan_case_split(PlanCase *plan_case, int n_regions,
 SegPart *plan_case_height_field(double side, int n, double bottom,
                                 double (*height)(double, double));
 
+/* Closed boxes {x0, y0, z0, x1, y1, z1}, beside or on each other, as a mesh. */
+SegPart *plan_case_boxes(const double (*boxes)[6], int n);
+
 #endif
