@@ -36,6 +36,7 @@ static void write_status(const FbStatus *status, AgentJson *result)
     agent_json_string(result, "state", fb_state_name(status->state));
     agent_json_integer(result, "epoch", status->epoch);
     agent_json_bool(result, "leased", status->lease_owner != 0);
+    agent_json_bool(result, "agent_lost", status->agent_lost);
     agent_json_bool(result, "needs_acknowledge", status->needs_acknowledge);
     write_program(status, result);
     agent_json_integer(result, "tool", status->tool);
@@ -58,7 +59,8 @@ static void write_status(const FbStatus *status, AgentJson *result)
 
 static void print_status(const FbStatus *status)
 {
-    printf("state     %s%s\n", fb_state_name(status->state),
+    printf("state     %s%s%s\n", fb_state_name(status->state),
+           status->agent_lost ? ", its agent is lost" : "",
            status->needs_acknowledge ? " (wants an acknowledgement at the machine)" : "");
     if (status->length > 0)
         printf("program   %" G_GUINT64_FORMAT " of %" G_GUINT64_FORMAT " bytes, line %u, %.1f s\n",

@@ -1,38 +1,12 @@
 # shellcheck shell=bash
 # SPDX-License-Identifier: Apache-2.0
-# What the tests of segmill share: TAP, a folder with a recipe, a mesh and a configuration.
-segmill=$(realpath -m "${BUILD:-build}/segmill")
-vcnc=$(realpath -m "${BUILD:-build}/vcnc")
+# What the tests of segmill share: its calls, a recipe, a mesh and a configuration.
+# shellcheck source=tests/e2e/tap.bash
+. tests/e2e/tap.bash
 part=$PWD/config/etc/p0-piece.igs
-dir=$(mktemp -d)
-pids=()
-trap 'for p in "${pids[@]}"; do kill "$p" 2>/dev/null; done; rm -rf "$dir"' EXIT
 export XDG_STATE_HOME=$dir/state XDG_CONFIG_HOME=$dir/config
 schemas=$PWD/docs/schema
 
-count=0
-ok() { # ok DESCRIPTION COMMAND…
-    local what=$1
-    shift
-    count=$((count + 1))
-    if "$@" >"$dir/said" 2>&1; then
-        echo "ok $count - $what"
-    else
-        echo "not ok $count - $what"
-        head -c 2000 "$dir/said" | sed 's/^/# /'
-    fi
-}
-skip() { # skip DESCRIPTION REASON
-    count=$((count + 1))
-    echo "ok $count - $1 # SKIP $2"
-}
-finish() {
-    echo "1..$count"
-}
-
-not() {
-    ! "$@"
-}
 run() { # run COMMAND…: sets status; output in $dir/stdout, $dir/stderr
     timeout 120 "$@" </dev/null >"$dir/stdout" 2>"$dir/stderr"
     status=$?

@@ -2,61 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # segmill against vcnc over Modbus TCP: delivery, run, hold, resume, Ctrl-C, alarm, lost link.
 cd "$(dirname "$0")/../.." || exit 1
-# shellcheck source=tests/e2e/segmill.bash
-. tests/e2e/segmill.bash
+# shellcheck source=tests/e2e/cell.bash
+. tests/e2e/cell.bash
 
-# Quick to plan, slow to run, and nobody waits for the tool changer.
-sed -i 's/^#change_s = .*/change_s = 0.5/' "$dir/machine.ini"
-printf '%s\n' '[region.rest]' 'skip = true' '[region.local-1]' 'skip = true' \
-    '[region.local-2]' 'feed = 200' >>"$dir/recipe.ini"
-
-machines=0
-# A virtual CNC, switched on by the person at it, who is descriptor 7; sets vcnc_pid and to.
-start() { # start SPEED
-    mkfifo "$dir/person.$((++machines))"
-    "$vcnc" --machine "$dir/machine.ini" --modbus 127.0.0.1:0 --speed "$1" \
-        <"$dir/person.$machines" >"$dir/port" 2>"$dir/vcnc.err" &
-    vcnc_pid=$!
-    pids+=("$vcnc_pid")
-    exec 7>"$dir/person.$machines"
-    for ((i = 0; i < 500; i++)); do
-        grep -qs '^modbus ' "$dir/port" && break
-        sleep 0.01
-    done
-    echo ack >&7
-    to=$(sed -n '1s/^modbus /modbus:\/\//p' "$dir/port")
-}
-stop() {
-    kill "$vcnc_pid" 2>/dev/null
-    wait "$vcnc_pid" 2>/dev/null
-    exec 7>&-
-}
-state() {
-    "$segmill" status --to "$to" --config "$dir/agent.ini" --json 2>/dev/null |
-        sed -n 's/^  "state": "\(.*\)",$/\1/p'
-}
-state_is() { # within 10 s
-    local shown
-    for ((i = 0; i < 50; i++)); do
-        shown=$(state)
-        [ "$shown" = "$1" ] && return
-        sleep 0.2
-    done
-    echo "state $shown, expected $1"
-    return 1
-}
-# Delivers and starts the long program; sets run_pid. Bash gives a child in the background SIGINT
-# ignored, so Ctrl-C is given back to it.
-begin() {
-    python3 -c 'import os, signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)
-os.execv(sys.argv[1], sys.argv[1:])' \
-        "$segmill" run "$dir/recipe.ini" --to "$to" --config "$dir/agent.ini" -o "$dir/run" \
-        >"$dir/run.out" 2>"$dir/run.err" &
-    run_pid=$!
-    pids+=("$run_pid")
-    state_is RUNNING
-}
 ends() { # ends STATUS OUTCOME: the run ended so, and run.json says it
     local status
     wait "$run_pid"
@@ -69,10 +17,6 @@ ends() { # ends STATUS OUTCOME: the run ended so, and run.json says it
 holds_are() {
     grep -A 60 '"states"' "$dir/run/run.json"
     [ "$(grep -c '"duration_s"' "$dir/run/run.json")" = "$1" ]
-}
-control() { # control COMMAND: as anyone at another terminal
-    run "$segmill" "$1" --to "$to" --config "$dir/agent.ini"
-    [ "$status" = 0 ]
 }
 
 # -------------------------------------------------------------------------- full run

@@ -2,52 +2,16 @@
 # SPDX-License-Identifier: Apache-2.0
 # vcnc as a program: options, exit statuses, port line, signals, the person at the machine, the log.
 cd "$(dirname "$0")/../.." || exit 1
-vcnc=${BUILD:-build}/vcnc
+# shellcheck source=tests/e2e/tap.bash
+. tests/e2e/tap.bash
 machine=config/etc/machine.ini
-dir=$(mktemp -d)
-pid=
-trap '[ -z "$pid" ] || kill "$pid" 2>/dev/null; rm -rf "$dir"' EXIT
 
-count=0
-ok() { # ok DESCRIPTION COMMAND…
-    local what=$1
-    shift
-    count=$((count + 1))
-    if "$@" >"$dir/said" 2>&1; then
-        echo "ok $count - $what"
-    else
-        echo "not ok $count - $what"
-        sed 's/^/# /' "$dir/said"
-    fi
-}
-skip() { # skip DESCRIPTION REASON
-    count=$((count + 1))
-    echo "ok $count - $1 # SKIP $2"
-}
-
-# Starts vcnc with a person at the machine on descriptor 7; sets pid, port and start_ms.
-start() {
-    mkfifo "$dir/person.$((++starts))"
-    rm -f "$dir/out"
-    local began=$EPOCHREALTIME
-    "$vcnc" --machine "$machine" --modbus 127.0.0.1:0 "$@" <"$dir/person.$starts" \
-        >"$dir/out" 2>"$dir/err" &
-    pid=$!
-    exec 7>"$dir/person.$starts"
-    for ((i = 0; i < 500; i++)); do
-        grep -qs '^modbus ' "$dir/out" && break
-        sleep 0.01
-    done
-    local now=$EPOCHREALTIME
+start() { # also sets port and start_ms
+    local began=$EPOCHREALTIME now
+    start_vcnc --machine "$machine" "$@"
+    now=$EPOCHREALTIME
     start_ms=$(((${now/./} - ${began/./}) / 1000))
-    port=$(sed -n '1s/^modbus 127\.0\.0\.1:\([0-9]*\)$/\1/p' "$dir/out")
-}
-stop() { # stop SIGNAL; sets status
-    kill -s "$1" "$pid"
-    wait "$pid"
-    status=$?
-    pid=
-    exec 7>&-
+    port=${address##*:}
 }
 state() {
     mbpoll -m tcp -a 1 -0 -r 1 -c 1 -t 4 -p "$port" -1 127.0.0.1 | sed -n 's/^\[1\]:[[:space:]]*//p'
@@ -105,19 +69,19 @@ fi
 echo dance >&7
 exec 7>&-
 sleep 0.2
-ok "an unknown word of the person is named" grep -q dance "$dir/err"
-ok "lives on when standard input ends" kill -0 "$pid"
-stop TERM
+ok "an unknown word of the person is named" grep -q dance "$dir/vcnc.err"
+ok "lives on when standard input ends" kill -0 "$vcnc_pid"
+stop_vcnc TERM
 ok "SIGTERM: status 0" test "$status" = 0
-ok "SIGTERM: summary" grep -q '^programs: 0 started' "$dir/out"
+ok "SIGTERM: summary" grep -q '^programs: 0 started' "$dir/vcnc.out"
 start
-stop INT
-ok "SIGINT: status 0 and a summary" sh -c "[ $status = 0 ] && grep -q '^machine time: 0.000 s' '$dir/out'"
+stop_vcnc INT
+ok "SIGINT: status 0 and a summary" sh -c "[ $status = 0 ] && grep -q '^machine time: 0.000 s' '$dir/vcnc.out'"
 start --log /dev/full
 echo ack >&7
 sleep 0.1
-stop TERM
-ok "a log that is not complete: status 1" sh -c "[ $status = 1 ] && grep -q /dev/full '$dir/err'"
+stop_vcnc TERM
+ok "a log that is not complete: status 1" sh -c "[ $status = 1 ] && grep -q /dev/full '$dir/vcnc.err'"
 
 cat >"$dir/part.ngc" <<'NGC'
 G17 G21 G40 G49 G80 G90 G91.1 G94 G64 P0.01
@@ -138,8 +102,8 @@ run() { # run SPEED LOG: delivers and executes; sets status
     sleep 0.1
     ok "delivered and executed at --speed $1" sh -c \
         "python3 tests/e2e/deliver.py $port '$dir/part.ngc' | grep -x 'COMPLETE 9'"
-    stop TERM
-    ok "--speed $1: summary counts it" grep -q '1 started, 1 completed' "$dir/out"
+    stop_vcnc TERM
+    ok "--speed $1: summary counts it" grep -q '1 started, 1 completed' "$dir/vcnc.out"
 }
 run max "$dir/max.log"
 run 40 "$dir/40.log"
@@ -151,8 +115,8 @@ echo ack >&7
 sleep 0.1
 ok "an unknown word is refused" sh -c \
     "python3 tests/e2e/deliver.py $port '$dir/wrong.ngc' | grep -x 'LOADING 0'"
-ok "and named" grep -q 'alarm 101: line 1, column 1: G33' "$dir/err"
-stop TERM
+ok "and named" grep -q 'alarm 101: line 1, column 1: G33' "$dir/vcnc.err"
+stop_vcnc TERM
 if python3 -c 'import jsonschema' 2>/dev/null; then
     ok "the logs match their schema" python3 - "$dir/max.log" "$dir/wrong.log" <<'PY'
 import json, sys, jsonschema
@@ -164,4 +128,4 @@ PY
 else
     skip "the logs match their schema" "python3-jsonschema is absent"
 fi
-echo "1..$count"
+finish

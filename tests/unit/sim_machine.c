@@ -160,6 +160,7 @@ static void run_twice(void)
         g_autofree char *summary = sim_machine_summary(cell.machine);
         g_assert_nonnull(strstr(summary, "2 started, 2 completed, 0 aborted"));
         g_assert_nonnull(strstr(summary, "blocks executed: 10\n"));
+        g_assert_nonnull(strstr(summary, "Modbus exceptions: 0\n"));
         g_autofree char *log = read_log(&cell);
         g_auto(GStrv) lines = g_strsplit(log, "\n", -1);
         g_assert_true(g_str_has_prefix(lines[1], "{\"program\":\""));

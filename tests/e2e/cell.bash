@@ -1,0 +1,49 @@
+# shellcheck shell=bash
+# SPDX-License-Identifier: Apache-2.0
+# What the tests of segmill against vcnc share: a machine and a long run on it.
+# shellcheck source=tests/e2e/segmill.bash
+. tests/e2e/segmill.bash
+
+# Quick to plan, slow to run, and nobody waits for the tool changer.
+sed -i 's/^#change_s = .*/change_s = 0.5/' "$dir/machine.ini"
+printf '%s\n' '[region.rest]' 'skip = true' '[region.local-1]' 'skip = true' \
+    '[region.local-2]' 'feed = 200' >>"$dir/recipe.ini"
+
+start() { # start SPEED: a virtual CNC, switched on; sets to
+    start_vcnc --machine "$dir/machine.ini" --speed "$1"
+    echo ack >&7
+    to=modbus://$address
+}
+stop() {
+    stop_vcnc TERM
+}
+state() {
+    "$segmill" status --to "$to" --config "$dir/agent.ini" --json 2>/dev/null |
+        sed -n 's/^  "state": "\(.*\)",$/\1/p'
+}
+state_is() { # within 10 s
+    local shown
+    for ((i = 0; i < 50; i++)); do
+        shown=$(state)
+        [ "$shown" = "$1" ] && return
+        sleep 0.2
+    done
+    echo "state $shown, expected $1"
+    return 1
+}
+# Delivers and starts the long program; sets run_pid. Bash gives a child in the background SIGINT
+# ignored, so Ctrl-C is given back to it.
+begin() {
+    python3 -c 'import os, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+os.execv(sys.argv[1], sys.argv[1:])' \
+        "$segmill" run "$dir/recipe.ini" --to "$to" --config "$dir/agent.ini" -o "$dir/run" \
+        >"$dir/run.out" 2>"$dir/run.err" &
+    run_pid=$!
+    pids+=("$run_pid")
+    state_is RUNNING
+}
+control() { # control COMMAND: as anyone at another terminal
+    run "$segmill" "$1" --to "$to" --config "$dir/agent.ini"
+    [ "$status" = 0 ]
+}
