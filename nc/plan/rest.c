@@ -12,7 +12,6 @@ typedef struct {
     const CfgTool *tool;
     uint8_t *middles;
     uint8_t *samples;
-    double feed_mm_min;
 } Trial;
 
 static bool trial_init(Trial *trial, const NcPlanner *planner, const NcRegion *region,
@@ -80,7 +79,6 @@ static bool trial_init(Trial *trial, const NcPlanner *planner, const NcRegion *r
     NcOperation operation = {.tool = tool};
     if (!nc_technology_cutting(planner, NULL, &operation, NULL))
         return false;
-    trial->feed_mm_min = operation.feed_mm_min;
     trial->middles = g_new(uint8_t, region->n_facets + 1);
     trial->samples = g_new(uint8_t, region->n_samples + 1);
     nc_technology_reach(planner, middles, tool, trial->middles);
@@ -114,8 +112,7 @@ static NcRegion middles_of(const NcRegion *region)
 
 static double time_s(const NcPlanner *planner, const NcRegion *region, const Trial *trial)
 {
-    return 60 * nc_technology_length_mm(planner, region, trial->tool, trial->samples) /
-           trial->feed_mm_min;
+    return nc_technology_time_s(planner, region, trial->tool, trial->samples);
 }
 
 /* Time of the wide tool and, on the facets that go to the fine one (marked in `rest`), of that;
@@ -137,7 +134,7 @@ static double pair_time_s(const NcPlanner *planner, const NcRegion *region, cons
     }
     if (!any || lost_mm2 > NC_SUITS * region->area_mm2)
         return INFINITY;
-    Trial strip = {.tool = fine->tool, .feed_mm_min = fine->feed_mm_min};
+    Trial strip = {.tool = fine->tool};
     strip.samples = g_new(uint8_t, region->n_samples + 1);
     for (size_t i = 0; i < region->n_samples; i++)
         strip.samples[i] = rest[region->samples[i].facet];

@@ -38,7 +38,7 @@ typedef struct {
     NcReach reach;
     double left_mm2;  /* not reached because of the tool */
     double floor_mm2; /* not reached because the tip would go below the part */
-    double length_mm; /* of its passes */
+    double time_s;    /* of its passes */
     bool suits;       /* its kind and its corner do */
 } Trial;
 
@@ -64,7 +64,7 @@ static Trial try_tool(const NcPlanner *planner, const NcRegion *region, const Cf
     Trial trial = {.reach = reach_of(planner, region, tool, stride, reached)};
     trial.floor_mm2 = trial.reach.floor_mm2;
     trial.left_mm2 = nc_reach_unreachable_mm2(&trial.reach) - trial.floor_mm2;
-    trial.length_mm = nc_technology_length_mm(planner, region, tool, reached);
+    trial.time_s = nc_technology_time_s(planner, region, tool, reached);
     trial.suits = suits_form(tool, region, reached);
     return trial;
 }
@@ -74,10 +74,10 @@ static void keep_suitable(Trial *trials, guint n)
 {
     bool any = false;
     for (guint i = 0; i < n; i++)
-        any |= trials[i].suits && isfinite(trials[i].length_mm);
+        any |= trials[i].suits && isfinite(trials[i].time_s);
     for (guint i = 0; i < n && any; i++)
         if (!trials[i].suits)
-            trials[i].length_mm = trials[i].left_mm2 = trials[i].floor_mm2 = INFINITY;
+            trials[i].time_s = trials[i].left_mm2 = trials[i].floor_mm2 = INFINITY;
 }
 
 /* How much more of the region than the best tools each tool leaves beyond what a tool that suits
@@ -95,20 +95,19 @@ static double excess_of(const Trial *trials, guint n, guint tool, double area_mm
            fmax(trials[tool].floor_mm2 - floor_mm2 - NC_SUITS_FLOOR * area_mm2, 0);
 }
 
-/* The tool with the least excess, of these the one with the shortest passes, of these the widest.
- */
+/* The tool with the least excess, of these the fastest, of these the widest. */
 static const CfgTool *best_of(GPtrArray *tools, const Trial *trials, const double *excess)
 {
     guint best = tools->len;
     for (guint i = 0; i < tools->len; i++) {
-        if (isinf(trials[i].length_mm))
+        if (isinf(trials[i].time_s))
             continue;
         bool less = best == tools->len || excess[i] < excess[best];
         if (!less && excess[i] == excess[best]) {
-            double length = trials[i].length_mm, least = trials[best].length_mm;
+            double time_s = trials[i].time_s, least = trials[best].time_s;
             const CfgTool *tool = tools->pdata[i], *other = tools->pdata[best];
-            bool equal = fabs(length - least) <= 1e-9 * least;
-            less = equal ? tool->diameter_mm > other->diameter_mm : length < least;
+            bool equal = fabs(time_s - least) <= 1e-9 * least;
+            less = equal ? tool->diameter_mm > other->diameter_mm : time_s < least;
         }
         best = less ? i : best;
     }
@@ -146,8 +145,8 @@ const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const 
     return best_of(tools, trials, excess);
 }
 
-double nc_technology_length_mm(const NcPlanner *planner, const NcRegion *region,
-                               const CfgTool *tool, const uint8_t *reached)
+double nc_technology_time_s(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
+                            const uint8_t *reached)
 {
     NcCutter cutter = nc_cutter(tool);
     double scallop = planner->input->recipe->scallop_mm, length = 0;
@@ -165,7 +164,10 @@ double nc_technology_length_mm(const NcPlanner *planner, const NcRegion *region,
         length += region->samples[i].area_mm2 / fmax(step, 1e-6);
         any = true;
     }
-    return any ? length : INFINITY;
+    /* Without cutting data, which is an error for the tool that is taken, lengths are compared. */
+    NcOperation operation = {.tool = tool};
+    bool known = nc_technology_cutting(planner, NULL, &operation, NULL);
+    return any ? 60 * length / (known ? operation.feed_mm_min : 1) : INFINITY;
 }
 
 /* ------------------------------------------------------------------------ cutting */

@@ -14,8 +14,8 @@
 /*
  * The tool for a region: of the tools that suit it by their reach and their form (flat ends only
  * where the ground is level or a wall; corners not larger than the smallest concave radius, where
- * there are such), the largest: the one whose passes may lie furthest apart over the region for the
- * scallop height. The first of the table where no tool reaches anything.
+ * there are such), the one that finishes it soonest: step-over for the scallop height times feed.
+ * Of one kind of tool that is the largest. The first of the table where no tool reaches anything.
  */
 const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region);
 
@@ -27,10 +27,10 @@ const CfgTool *nc_technology_one_tool(const NcPlanner *planner, NcRegion *const 
 NcReach nc_technology_reach(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                             uint8_t *reached);
 
-/* Length of passes over the samples marked in `reached`, for planes that lie worst: along the
- * slope; INFINITY where none is. Walls count by the corner's step. */
-double nc_technology_length_mm(const NcPlanner *planner, const NcRegion *region,
-                               const CfgTool *tool, const uint8_t *reached);
+/* Seconds of cutting over the samples marked in `reached`, for passes that lie worst: along the
+ * slope; INFINITY where none is. */
+double nc_technology_time_s(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
+                            const uint8_t *reached);
 
 /*
  * Spindle n = 1000·vc / (π·D) within the spindle's range, feed n·z·fz within the axes' speeds, by
