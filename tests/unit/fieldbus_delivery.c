@@ -20,6 +20,28 @@ static GBytes *make_program(uint64_t *gates)
     return g_string_free_to_bytes(s);
 }
 
+static void deliver(Bus *b, GBytes *program, const uint64_t *gates)
+{
+    fb_delivery_deliver(b->delivery, program, gates, 3, b->now_us);
+    b->wake_us = b->now_us;
+}
+
+static void start(Bus *b)
+{
+    fb_delivery_start(b->delivery, b->now_us);
+    b->wake_us = b->now_us;
+}
+
+/* Delivers, and leaves the machine running. */
+static void start_run(Bus *b, GBytes *program, const uint64_t *gates)
+{
+    deliver(b, program, gates);
+    g_assert_true(bus_run(b, FB_TASK_DELIVER));
+    start(b);
+    while (b->starts == 0)
+        bus_turn(b);
+}
+
 /* Delivers and runs; after a kill a new agent does so from the start, unless the person who starts
  * it sees that the program has been started. */
 static void work(Bus *b, GBytes *program, const uint64_t *gates)
@@ -27,11 +49,9 @@ static void work(Bus *b, GBytes *program, const uint64_t *gates)
     for (unsigned lives = 0; lives < 3; lives++) {
         const unsigned kills = b->kills;
         b->ended[FB_TASK_DELIVER] = b->ended[FB_TASK_RUN] = false;
-        fb_delivery_deliver(b->delivery, program, gates, 3, b->now_us);
-        b->wake_us = b->now_us;
+        deliver(b, program, gates);
         if (bus_run(b, FB_TASK_DELIVER) && !b->error) {
-            fb_delivery_start(b->delivery, b->now_us);
-            b->wake_us = b->now_us;
+            start(b);
             bus_run(b, FB_TASK_RUN);
         }
         if (b->kills == kills || b->starts > 0)
@@ -131,8 +151,7 @@ static void goes_on_from_received(void)
     uint64_t gates[3];
     g_autoptr(GBytes) program = make_program(gates);
     Bus *b = bus_new((Fault){FAULT_AGENT_KILLED, 5, 0}, NONE);
-    fb_delivery_deliver(b->delivery, program, gates, 3, b->now_us);
-    b->wake_us = b->now_us;
+    deliver(b, program, gates);
     g_assert_false(bus_run(b, FB_TASK_DELIVER));
     g_assert_cmpuint(b->kills, ==, 1);
     FbStatus s;
@@ -161,13 +180,7 @@ static void link_loss_while_running(void)
     g_autoptr(GBytes) program = make_program(gates);
     Bus *b = bus_new(NONE, NONE);
     b->run_us = 20 * G_USEC_PER_SEC;
-    fb_delivery_deliver(b->delivery, program, gates, 3, b->now_us);
-    b->wake_us = b->now_us;
-    g_assert_true(bus_run(b, FB_TASK_DELIVER));
-    fb_delivery_start(b->delivery, b->now_us);
-    b->wake_us = b->now_us;
-    while (b->starts == 0)
-        bus_turn(b);
+    start_run(b, program, gates);
     b->dead = true;
     const int64_t back_us = b->now_us + 10 * G_USEC_PER_SEC;
     while (b->now_us < back_us)
@@ -190,13 +203,7 @@ static void gives_up(void)
     g_autoptr(GBytes) program = make_program(gates);
     Bus *b = bus_new(NONE, NONE);
     b->run_us = 1000 * (int64_t)G_USEC_PER_SEC;
-    fb_delivery_deliver(b->delivery, program, gates, 3, b->now_us);
-    b->wake_us = b->now_us;
-    g_assert_true(bus_run(b, FB_TASK_DELIVER));
-    fb_delivery_start(b->delivery, b->now_us);
-    b->wake_us = b->now_us;
-    while (b->starts == 0)
-        bus_turn(b);
+    start_run(b, program, gates);
     b->dead = true;
     const int64_t since_us = b->now_us;
     g_assert_true(bus_run(b, FB_TASK_RUN));
@@ -207,8 +214,7 @@ static void gives_up(void)
 
     /* Before anything runs the machine is just not reachable. */
     b->ended[FB_TASK_DELIVER] = false;
-    fb_delivery_deliver(b->delivery, program, gates, 3, b->now_us);
-    b->wake_us = b->now_us;
+    deliver(b, program, gates);
     g_assert_true(bus_run(b, FB_TASK_DELIVER));
     g_assert_error(b->error, FB_ERROR, FB_ERROR_UNREACHABLE);
     bus_free(b);
@@ -228,13 +234,7 @@ static void how_a_run_ends(void)
     g_autoptr(GBytes) program = make_program(gates);
     for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
         Bus *b = bus_new(NONE, NONE);
-        fb_delivery_deliver(b->delivery, program, gates, 3, b->now_us);
-        b->wake_us = b->now_us;
-        g_assert_true(bus_run(b, FB_TASK_DELIVER));
-        fb_delivery_start(b->delivery, b->now_us);
-        b->wake_us = b->now_us;
-        while (b->starts == 0)
-            bus_turn(b);
+        start_run(b, program, gates);
         b->run_ends_us = INT64_MAX;
         bus_machine_event(b, cases[i].event);
         g_assert_true(bus_run(b, FB_TASK_RUN));
@@ -290,8 +290,7 @@ static void refusals_are_told(void)
     g_assert_cmpuint(b->starts, ==, 1);
 
     b->ended[FB_TASK_RUN] = false;
-    fb_delivery_start(b->delivery, b->now_us);
-    b->wake_us = b->now_us;
+    start(b);
     g_assert_true(bus_run(b, FB_TASK_RUN));
     g_assert_error(b->error, FB_ERROR, FB_ERROR_REFUSED);
     g_assert_nonnull(strstr(b->error->message, "COMPLETE"));

@@ -2,15 +2,22 @@
 /* Both sides of the delivery over real sockets. */
 #include "tests/unit/fieldbus_cell.h"
 
+/* Until the delivery has ended, in whatever way; the program's end is its only gate. */
+static void deliver(Cell *c, GBytes *p)
+{
+    const uint64_t end = g_bytes_get_size(p);
+    const int before = c->done[FB_TASK_DELIVER];
+    fb_session_deliver(c->session, p, &end, 1);
+    g_assert_true(run_until(c, &c->done[FB_TASK_DELIVER], before + 1));
+}
+
 static void delivers_and_runs(void)
 {
     Cell c;
     open_cell(&c);
     open_session(&c);
     g_autoptr(GBytes) p = program(300000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    deliver(&c, p);
     g_assert_no_error(c.error);
     g_assert_cmpstr(fb_state_name(fb_receiver_state(c.receiver)), ==, "READY");
     g_assert_cmpint(c.starts, ==, 0);
@@ -44,9 +51,7 @@ static void hold_is_never_delayed(void)
         fds[i] = raw_connect(&c);
     open_session(&c);
     g_autoptr(GBytes) p = program(40000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    deliver(&c, p);
     fb_session_start(c.session);
     g_assert_true(run_until(&c, &c.starts, 1));
     int64_t worst_us = 0;
@@ -95,9 +100,7 @@ static void crowd(void)
     g_assert_cmpint(alive, >, 8);
     g_assert_cmpint(alive, <=, 16);
     g_autoptr(GBytes) p = program(1000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    deliver(&c, p);
     g_assert_no_error(c.error);
     close_cell(&c);
 }
@@ -133,13 +136,10 @@ static void two_agents(void)
     c.slow = true;
     open_session(&c);
     g_autoptr(GBytes) p = program(1000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    deliver(&c, p);
     FbSession *first = c.session;
     open_session(&c);
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2));
+    deliver(&c, p);
     g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED);
     fb_session_start(first);
     g_assert_true(run_until(&c, &c.starts, 1));
@@ -161,18 +161,15 @@ static void command_behind_a_task(void)
     open_cell(&c);
     open_session(&c);
     g_autoptr(GBytes) p = program(1000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
     for (int i = 0; i < 10; i++) {
-        fb_session_deliver(c.session, p, gates, 1);
-        g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2 * i + 1));
+        deliver(&c, p);
         fb_session_start(c.session);
         g_assert_true(run_until(&c, &c.done[FB_TASK_RUN], i + 1));
         g_assert_no_error(c.error);
         fb_session_command(c.session, FB_COMMAND_ACKNOWLEDGE); /* the lease has just gone */
         g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 1));
         g_assert_no_error(c.error);
-        fb_session_deliver(c.session, p, gates, 1);
-        g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2 * i + 2));
+        deliver(&c, p);
         fb_session_command(c.session, FB_COMMAND_CLOSE); /* it has just come */
         g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 2));
         g_assert_no_error(c.error);
@@ -188,15 +185,12 @@ static void same_agent_twice(void)
     open_session(&c);
     fb_session_set_token(c.session, UINT64_C(0x500000007));
     g_autoptr(GBytes) p = program(1000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    deliver(&c, p);
     FbSession *first = c.session;
     open_session(&c);
     fb_session_set_token(c.session, UINT64_C(0x500000007));
     const int64_t began_us = g_get_monotonic_time();
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2));
+    deliver(&c, p);
     g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED);
     if (c.error)
         g_assert_nonnull(strstr(c.error->message, "another program with this agent's token"));
@@ -219,9 +213,7 @@ static void farewell(void)
     open_cell(&c);
     open_session(&c);
     g_autoptr(GBytes) p = program(1000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    deliver(&c, p);
     fb_receiver_status(c.receiver, 0, &s);
     g_assert_cmphex(s.lease_owner, !=, 0);
     fb_session_free(g_steal_pointer(&c.session));
@@ -239,9 +231,7 @@ static void machine_restarts(void)
     c.slow = true;
     open_session(&c);
     g_autoptr(GBytes) p = program(1000);
-    const uint64_t gates[] = {g_bytes_get_size(p)};
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 1));
+    deliver(&c, p);
     fb_session_start(c.session);
     g_assert_true(run_until(&c, &c.starts, 1));
     const uint16_t port = fb_modbus_server_port(c.server);
@@ -257,12 +247,10 @@ static void machine_restarts(void)
     g_assert_true(run_until(&c, &c.done[FB_TASK_RUN], 1));
     g_assert_error(c.error, FB_ERROR, FB_ERROR_LINK_LOST);
     g_assert_cmpint(c.starts, ==, 1);
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 2));
+    deliver(&c, p);
     g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED); /* it is OFF */
     machine(&c, FB_MACHINE_ACKNOWLEDGED);
-    fb_session_deliver(c.session, p, gates, 1);
-    g_assert_true(run_until(&c, &c.done[FB_TASK_DELIVER], 3));
+    deliver(&c, p);
     g_assert_no_error(c.error);
     close_cell(&c);
 }
