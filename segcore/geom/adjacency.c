@@ -105,16 +105,17 @@ static double distance_to_segment(SegVec3 p, SegVec3 a, SegVec3 b)
     return seg_norm(seg_along(ap, ab, -t));
 }
 
-static void refine(const Polyline *line, double ta, SegVec3 a, double tb, SegVec3 b, int depth)
+/* Appends the points after a up to and with b; m lies at the middle. */
+static void refine(const Polyline *line, double ta, SegVec3 a, SegVec3 m, double tb, SegVec3 b,
+                   int depth)
 {
     double tm = (ta + tb) / 2;
-    SegVec3 m = point_of(line, tm);
+    SegVec3 q1 = point_of(line, (ta + tm) / 2), q3 = point_of(line, (tm + tb) / 2);
     double off = fmax(distance_to_segment(m, a, b),
-                      fmax(distance_to_segment(point_of(line, (ta + tm) / 2), a, b),
-                           distance_to_segment(point_of(line, (tm + tb) / 2), a, b)));
+                      fmax(distance_to_segment(q1, a, b), distance_to_segment(q3, a, b)));
     if (depth > 0 && off > line->chord_mm) {
-        refine(line, ta, a, tm, m, depth - 1);
-        refine(line, tm, m, tb, b, depth - 1);
+        refine(line, ta, a, q1, tm, m, depth - 1);
+        refine(line, tm, m, q3, tb, b, depth - 1);
     } else {
         g_array_append_val(line->points, b);
     }
@@ -137,7 +138,7 @@ static void append_polyline(Polyline *line)
         if (e->curve.degree == 1)
             g_array_append_val(line->points, b);
         else
-            refine(line, t, a, next, b, max_depth);
+            refine(line, t, a, point_of(line, (t + next) / 2), next, b, max_depth);
         a = b;
         t = next;
     }

@@ -4,7 +4,8 @@
 #include "segcore/geom/curve.h"
 #include "segcore/geom/integrate.h"
 
-static const double RELATIVE_ERROR = 1e-10;
+static const double RELATIVE_ERROR = 1e-10;    /* of what is promised */
+static const double INTEGRATION_ERROR = 1e-12; /* of one span's integral */
 
 typedef struct {
     const double *reals;
@@ -26,7 +27,7 @@ static double smooth_length(const SegPart *part, const SegCurve *curve, double a
         return seg_distance(seg_curve_evaluate(part, curve, a, NULL),
                             seg_curve_evaluate(part, curve, b, NULL));
     Speed speed = {part->reals, curve};
-    return seg_integrate(speed_at, &speed, a, b, RELATIVE_ERROR, 0);
+    return seg_integrate(speed_at, &speed, a, b, INTEGRATION_ERROR, 0);
 }
 
 double seg_curve_length_mm(const SegPart *part, const SegCurve *curve, double a, double b)

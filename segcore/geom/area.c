@@ -10,8 +10,7 @@
 #include "segcore/geom/columns.h"
 #include "segcore/geom/integrate.h"
 
-/* Difference between two rules that is good enough, as a part of the face's area; the integrals
- * come out far better. */
+/* Expected error of each integral that is good enough, as a part of the face's area. */
 static const double GOOD_ENOUGH = 1e-8;
 
 /* A walk along a path in (u,v). */

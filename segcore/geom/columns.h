@@ -10,7 +10,7 @@
 
 typedef struct SegColumns SegColumns;
 
-/* `enough`: the difference between two rules that an integral over v may leave. */
+/* `enough`: the error that an integral over v may have. */
 SegColumns *seg_columns_new(const double *reals, const SegSurface *surface, double enough);
 void seg_columns_free(SegColumns *columns);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SegColumns, seg_columns_free)

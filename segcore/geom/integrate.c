@@ -21,8 +21,17 @@ static const double GAUSS[4] = {
     0.381830050505118944950369775488975, 0.417959183673469387755102040816327};
 
 typedef struct {
-    double integral, difference, magnitude; /* the last: of |f| */
+    double integral, error, magnitude; /* the last: the integral of |f| */
 } Estimate;
+
+/* Kronrod's rule is of about twice the degree of Gauss's in it, so its error is about the square of
+ * the difference d; d^1.5 (all relative to |f|) is on the safe side of that, as in QUADPACK. */
+static Estimate judge(double kronrod, double gauss, double magnitude)
+{
+    double difference = fabs(kronrod - gauss);
+    double relative = magnitude > 0 ? fmin(difference / magnitude, 1) : 1;
+    return (Estimate){kronrod, difference * sqrt(relative), magnitude};
+}
 
 static Estimate estimate(SegIntegrand f, void *context, double a, double b)
 {
@@ -38,7 +47,7 @@ static Estimate estimate(SegIntegrand f, void *context, double a, double b)
         if (i % 2 == 1)
             gauss += GAUSS[i / 2] * (left + right);
     }
-    return (Estimate){half * kronrod, fabs(half * (kronrod - gauss)), fabs(half) * magnitude};
+    return judge(half * kronrod, half * gauss, fabs(half) * magnitude);
 }
 
 typedef struct {
@@ -50,7 +59,7 @@ typedef struct {
 
 static double refine(Refinement *r, double a, double b, const Estimate *whole, int depth)
 {
-    if (!(whole->difference > r->enough) || depth == MAX_DEPTH || r->halvings_left == 0)
+    if (!(whole->error > r->enough) || depth == MAX_DEPTH || r->halvings_left == 0)
         return whole->integral;
     r->halvings_left--;
     double middle = (a + b) / 2;
@@ -79,14 +88,14 @@ static Estimate quick_estimate(SegIntegrand f, void *context, double a, double b
         if (i == 1)
             gauss += 5 * (left + right) / 9;
     }
-    return (Estimate){half * kronrod, fabs(half * (kronrod - gauss)), fabs(half) * magnitude};
+    return judge(half * kronrod, half * gauss, fabs(half) * magnitude);
 }
 
 double seg_integrate(SegIntegrand f, void *context, double a, double b, double relative,
                      double least)
 {
     Estimate quick = quick_estimate(f, context, a, b);
-    if (!(quick.difference > fmax(relative * quick.magnitude, least)))
+    if (!(quick.error > fmax(relative * quick.magnitude, least)))
         return quick.integral;
     Estimate whole = estimate(f, context, a, b);
     Refinement r = {f, context, fmax(relative * whole.magnitude, least), MAX_HALVINGS};

@@ -7,9 +7,8 @@ typedef double (*SegIntegrand)(void *context, double t);
 
 /*
  * The integral of f over [a, b] by Gauss and Kronrod: 3 and 7 points, else 7 and 15, halved where
- * the two differ by more than `relative` of the integral of |f| (the true error of the 15 is far
- * below that difference). `least` is an absolute difference that is good enough. At most 100
- * halvings, 24 deep: whatever f is, this ends.
+ * the error that their difference lets expect is above `relative` of the integral of |f| and above
+ * `least`. At most 100 halvings, 24 deep: whatever f is, this ends.
  */
 double seg_integrate(SegIntegrand f, void *context, double a, double b, double relative,
                      double least);

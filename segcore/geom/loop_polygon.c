@@ -41,17 +41,16 @@ static double sagitta(const Outline *o, const Sample *s, const Sample *a, const 
     return fmax(distance_to_chord(s->p, a->p, b->p), seg_distance(s->p, image));
 }
 
-/* Appends the points after a up to and with b. */
-static void refine(const Outline *o, double ta, const Sample *a, double tb, const Sample *b,
-                   int depth)
+/* Appends the points after a up to and with b; m lies at the middle. */
+static void refine(const Outline *o, double ta, const Sample *a, const Sample *m, double tb,
+                   const Sample *b, int depth)
 {
     double tm = (ta + tb) / 2;
-    Sample m = sample_at(o, tm);
     Sample q1 = sample_at(o, (ta + tm) / 2), q3 = sample_at(o, (tm + tb) / 2);
-    double off = fmax(sagitta(o, &m, a, b), fmax(sagitta(o, &q1, a, b), sagitta(o, &q3, a, b)));
+    double off = fmax(sagitta(o, m, a, b), fmax(sagitta(o, &q1, a, b), sagitta(o, &q3, a, b)));
     if (depth > 0 && off > o->chord_mm) {
-        refine(o, ta, a, tm, &m, depth - 1);
-        refine(o, tm, &m, tb, b, depth - 1);
+        refine(o, ta, a, &q1, tm, m, depth - 1);
+        refine(o, tm, m, &q3, tb, b, depth - 1);
     } else {
         double uv[2] = {b->u, b->v};
         g_array_append_val(o->uv, uv);
@@ -74,8 +73,8 @@ static void append_coedge(const Outline *o)
         double next = i == n - 1 ? c->t_last : fmin(knots[i + 1], c->t_last);
         if (!(next > t))
             continue;
-        Sample b = sample_at(o, next);
-        refine(o, t, &a, next, &b, max_depth);
+        Sample m = sample_at(o, (t + next) / 2), b = sample_at(o, next);
+        refine(o, t, &a, &m, next, &b, max_depth);
         a = b;
         t = next;
     }

@@ -11,7 +11,7 @@ static const double LEAST_TANGENT = 1e-3;
 /* In a span this short against the domain the second derivatives are mostly rounding. */
 static const double LEAST_SPAN = 1e-5;
 
-enum { MOST_SAMPLES = 1000 }; /* of centres, and of vertices */
+enum { MOST_SAMPLES = 300 }; /* of centres, and of vertices */
 
 typedef struct {
     const SegPart *part;

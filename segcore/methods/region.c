@@ -117,5 +117,5 @@ double seg_adjacency_tolerance_mm(const SegPart *part)
         seg_box_add(&box, part->edges[i].ends[0]);
         seg_box_add(&box, part->edges[i].ends[1]);
     }
-    return fmax(1e-3, 1e-5 * seg_box_diagonal(&box));
+    return fmax(1e-3, 1e-4 * seg_box_diagonal(&box));
 }

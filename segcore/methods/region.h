@@ -30,7 +30,7 @@ double seg_datum_mm(const SegPart *part, const SegFeatureSizeParams *params);
 SegFeatureSize seg_size_of_box(const SegBox *box);
 
 /*
- * Smallest concave radius of a face's surface: up to a thousand vertices and as many centres of
+ * Smallest concave radius of a face's surface: up to 300 vertices and as many centres of
  * triangles are sampled; points where the surface is (nearly) singular are left out, and radii
  * above 1 km count as none. Sharp edges between faces are no matter of a surface.
  */
@@ -44,7 +44,7 @@ void seg_region_fill(SegRegion *region, const SegPart *part, const SegFaceMeasur
 void seg_regions_connect(SegRegion *regions, size_t n_regions, const GArray *adjacency,
                          const int32_t *region_of);
 
-/* Distance within which free edges are one, for seg_part_adjacency: 1e-5 of the part's size, at
+/* Distance within which free edges are one, for seg_part_adjacency: 1e-4 of the part's size, at
  * least 1e-3 mm. */
 double seg_adjacency_tolerance_mm(const SegPart *part);
 

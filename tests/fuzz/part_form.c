@@ -11,8 +11,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!part)
         return 0;
     SegFeatureSizeParams params = SEG_FEATURE_SIZE_DEFAULTS;
-    g_autoptr(SegSegmentation) by_size = seg_segment_feature_size(part, &params, NULL);
-    g_autoptr(SegSegmentation) whole = seg_segment_none(part, NULL);
+    seg_segmentation_free(seg_segment_feature_size(part, &params, NULL));
+    seg_segmentation_free(seg_segment_none(part, NULL));
     for (int32_t i = 0; i < part->n_loops; i++)
         g_free(seg_loop_polygon(part, i, 0.5).uv);
     return 0;

@@ -112,13 +112,8 @@ static void test_content(void)
     assert_load_fails(folder, SEG_ERROR_IO, "");
     g_file_set_contents(path, "", 0, NULL);
     assert_load_fails(path, SEG_ERROR_INPUT, "empty");
-    static const char *const others[] = {"hello",
-                                         "\x7f"
-                                         "ELF",
-                                         "%PDF-1.4\n",
-                                         "G21 G90\nM30\n",
-                                         "ISO-10303-2",
-                                         "OFFICE\n"};
+    static const char *const others[] = {"hello",          "\177ELF",     "%PDF-1.4\n",
+                                         "G21 G90\nM30\n", "ISO-10303-2", "OFFICE\n"};
     for (size_t i = 0; i < G_N_ELEMENTS(others); i++) {
         g_file_set_contents(path, others[i], -1, NULL);
         assert_load_fails(path, SEG_ERROR_INPUT, "neither IGES, STEP, STL nor OFF");

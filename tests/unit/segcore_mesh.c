@@ -182,6 +182,7 @@ static void test_data_meshes(void)
             g_autoptr(GError) error = NULL;
             g_autoptr(SegPart) part = seg_part_load(files->pdata[i], NULL, &error);
             g_assert_no_error(error);
+            g_assert_cmpint(part ? part->n_triangles : 0, >, 0);
         }
     }
 }
