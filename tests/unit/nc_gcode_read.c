@@ -120,6 +120,23 @@ static void tolerance(void)
 }
 
 /* Each is refused, and the message says where and why. */
+static void check_refusals(const Case *cases, size_t n, NcError code)
+{
+    CfgMachine machine = gcode_machine();
+    for (size_t i = 0; i < n; i++) {
+        g_autoptr(GError) error = NULL;
+        g_autoptr(GArray) moves = nc_read_program(cases[i].program, strlen(cases[i].program),
+                                                  &machine, gcode_tools(), &error);
+        g_assert_null(moves);
+        g_assert_error(error, NC_ERROR, (int)code);
+        if (error && !strstr(error->message, cases[i].moves)) {
+            g_test_message("%s\n got: %s\nwant: %s", cases[i].program, error->message,
+                           cases[i].moves);
+            g_test_fail();
+        }
+    }
+}
+
 static void refusals(void)
 {
     static const Case cases[] = {
@@ -192,19 +209,7 @@ static void refusals(void)
         {"G0 X1\n", "line 1: the program ends without M2 or M30"},
         {"%\nG0 X1\n", "line 2: the program ends without its second %"},
     };
-    CfgMachine machine = gcode_machine();
-    for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-        g_autoptr(GError) error = NULL;
-        g_autoptr(GArray) moves = nc_read_program(cases[i].program, strlen(cases[i].program),
-                                                  &machine, gcode_tools(), &error);
-        g_assert_null(moves);
-        g_assert_error(error, NC_ERROR, NC_ERROR_PROGRAM);
-        if (error && !strstr(error->message, cases[i].moves)) {
-            g_test_message("%s\n got: %s\nwant: %s", cases[i].program, error->message,
-                           cases[i].moves);
-            g_test_fail();
-        }
-    }
+    check_refusals(cases, G_N_ELEMENTS(cases), NC_ERROR_PROGRAM);
 }
 
 static void long_lines(void)
@@ -277,19 +282,8 @@ static void limits(void)
         {"S5 M3", "line 1: the spindle cannot turn at 5 rev/min"},
         {"S60000 M4", "line 1: the spindle cannot turn at 60000 rev/min"},
     };
+    check_refusals(cases, G_N_ELEMENTS(cases), NC_ERROR_LIMIT);
     CfgMachine machine = gcode_machine();
-    for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-        g_autoptr(GError) error = NULL;
-        g_autoptr(GArray) moves = nc_read_program(cases[i].program, strlen(cases[i].program),
-                                                  &machine, gcode_tools(), &error);
-        g_assert_null(moves);
-        g_assert_error(error, NC_ERROR, NC_ERROR_LIMIT);
-        if (error && !strstr(error->message, cases[i].moves)) {
-            g_test_message("%s\n got: %s\nwant: %s", cases[i].program, error->message,
-                           cases[i].moves);
-            g_test_fail();
-        }
-    }
     g_autoptr(GArray) at = gcode_read("G0 X1000 Y-1000 Z1000\nM2", &machine);
     g_assert_nonnull(at);
 }

@@ -19,10 +19,7 @@ static const char *const whole = "G21 G90 G17 G94 G64 P0.01\n"
 static void run(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    const SimProgram *program = rig_load(&rig, whole, NULL, 0);
-    double end_s = program ? sim_program_duration_s(program) : 0;
-    rig_do(&rig, SIM_START);
+    double end_s = rig_start(&rig, 1, whole, NULL, 0);
     uint64_t blocks = 0;
     uint32_t ms = 0;
     bool fed = false;
@@ -68,9 +65,7 @@ static void run(void)
 static void analytic_time(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, "G21 G90 G53 G1 X100 F3000\nM2\n", NULL, 0);
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, "G21 G90 G53 G1 X100 F3000\nM2\n", NULL, 0);
     rig_tick(&rig, 31250);
     test_near(rig_see(&rig).feed_mm_min, 1500, 1e-9, 0);
     test_near(rig_see(&rig).position_mm[0], 0.390625, 1e-12, 0);
@@ -163,10 +158,7 @@ static void bounded_steps(void)
 static void second_start_returns(void)
 {
     Rig rig;
-    rig_init(&rig, INFINITY, 1000);
-    const SimProgram *program = rig_load(&rig, "G21 G90\nG53 G0 X30 Y40 Z-10\nM30\n", NULL, 0);
-    double once_s = program ? sim_program_duration_s(program) : 0;
-    rig_do(&rig, SIM_START);
+    double once_s = rig_start(&rig, INFINITY, "G21 G90\nG53 G0 X30 Y40 Z-10\nM30\n", NULL, 0);
     rig_run(&rig, 1, 1);
     rig_do(&rig, SIM_START);
     rig_run(&rig, 1, 1);

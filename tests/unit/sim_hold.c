@@ -11,10 +11,7 @@ static const char *const straight = "G21 G90 G53 G1 X100 F3000\nM30\n";
 static void mid_move(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    const SimProgram *program = rig_load(&rig, straight, NULL, 0);
-    double planned_s = program ? sim_program_duration_s(program) : 0;
-    rig_do(&rig, SIM_START);
+    double planned_s = rig_start(&rig, 1, straight, NULL, 0);
     rig_tick(&rig, SECOND);
     double x = rig_see(&rig).position_mm[0];
     rig_do(&rig, SIM_HOLD);
@@ -44,10 +41,7 @@ static void while_speeding_up_and_slowing_down(void)
 {
     /* At 30 ms the machine has 24 mm/s: it stops as far again and needs as long. */
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    const SimProgram *program = rig_load(&rig, straight, NULL, 0);
-    double planned_s = program ? sim_program_duration_s(program) : 0;
-    rig_do(&rig, SIM_START);
+    double planned_s = rig_start(&rig, 1, straight, NULL, 0);
     rig_tick(&rig, 30000);
     rig_do(&rig, SIM_HOLD);
     rig_run(&rig, 100, 1);
@@ -58,9 +52,7 @@ static void while_speeding_up_and_slowing_down(void)
     test_near(rig_block(&rig, 0).end_s, 0.06 + 99.28 / 50 + 0.0625, 1e-9, 0);
     rig_clear(&rig);
     /* In the last ramp the plan brakes as hard as it can: the hold ends at the move's end. */
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, straight, NULL, 0);
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, straight, NULL, 0);
     rig_tick(&rig, (int64_t)((planned_s - 0.03) * SECOND));
     rig_do(&rig, SIM_HOLD);
     rig_run(&rig, 100, 1);
@@ -77,10 +69,7 @@ static void while_speeding_up_and_slowing_down(void)
 static void resumed_while_holding_and_held_while_resuming(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    const SimProgram *program = rig_load(&rig, straight, NULL, 0);
-    double planned_s = program ? sim_program_duration_s(program) : 0;
-    rig_do(&rig, SIM_START);
+    double planned_s = rig_start(&rig, 1, straight, NULL, 0);
     rig_tick(&rig, SECOND);
     double x = rig_see(&rig).position_mm[0];
     rig_do(&rig, SIM_HOLD);
@@ -104,10 +93,7 @@ static void resumed_while_holding_and_held_while_resuming(void)
 static void in_dwell(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    const SimProgram *program = rig_load(&rig, "G4 P2\nM30\n", NULL, 0);
-    double planned_s = program ? sim_program_duration_s(program) : 0;
-    rig_do(&rig, SIM_START);
+    double planned_s = rig_start(&rig, 1, "G4 P2\nM30\n", NULL, 0);
     rig_tick(&rig, SECOND / 2);
     rig_do(&rig, SIM_HOLD);
     g_assert_cmpint(rig_state(&rig), ==, FB_STATE_HELD);
@@ -124,9 +110,7 @@ static void in_dwell(void)
 static void in_tool_change(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, "T1 M6\nG21 G53 G0 X10\nM30\n", NULL, 0);
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, "T1 M6\nG21 G53 G0 X10\nM30\n", NULL, 0);
     rig_tick(&rig, SECOND);
     rig_do(&rig, SIM_HOLD);
     rig_tick(&rig, 2 * SECOND);
@@ -167,10 +151,7 @@ static void at_gate(void)
     } cases[] = {{0, 20, 2}, {390000, 20, 2}, {405000, 30, 3}, {590000, 30, 3}, {610000, 40, 5}};
     for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
         Rig rig;
-        rig_init(&rig, 1, 1000);
-        const SimProgram *program = rig_load(&rig, row, gates, G_N_ELEMENTS(gates));
-        double planned_s = program ? sim_program_duration_s(program) : 0;
-        rig_do(&rig, SIM_START);
+        double planned_s = rig_start(&rig, 1, row, gates, G_N_ELEMENTS(gates));
         rig_tick(&rig, cases[i].at_us);
         rig_do(&rig, SIM_HOLD_AT_GATE);
         g_assert_cmpint(rig_state(&rig), ==, FB_STATE_RUNNING);
@@ -195,9 +176,7 @@ static void at_gate_at_rest(void)
     const char *text = "G21 G90 F3000\nG53 G1 X10\nG4 P1\nG53 G1 X20\nM30\n";
     const uint64_t gates[] = {after_line(text, 2), strlen(text)};
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, text, gates, G_N_ELEMENTS(gates));
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, text, gates, G_N_ELEMENTS(gates));
     rig_tick(&rig, 262499); /* of 262 500 µs */
     rig_do(&rig, SIM_HOLD_AT_GATE);
     rig_run(&rig, 1000, 1);
@@ -211,9 +190,7 @@ static void at_gate_while_resuming(void)
 {
     const uint64_t gates[] = {after_line(row, 3), strlen(row)};
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, row, gates, G_N_ELEMENTS(gates));
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, row, gates, G_N_ELEMENTS(gates));
     rig_tick(&rig, 100000);
     rig_do(&rig, SIM_HOLD);
     rig_run(&rig, 1000, 1);
@@ -225,9 +202,7 @@ static void at_gate_while_resuming(void)
     g_assert_cmpfloat(rig_see(&rig).position_mm[0], ==, 20);
     rig_clear(&rig);
     /* A resume takes a gate hold back that has not begun to brake. */
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, row, gates, G_N_ELEMENTS(gates));
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, row, gates, G_N_ELEMENTS(gates));
     rig_do(&rig, SIM_HOLD_AT_GATE);
     rig_do(&rig, SIM_RESUME);
     rig_run(&rig, 1000, 5);
@@ -238,9 +213,7 @@ static void at_gate_while_resuming(void)
 static void stops_of_the_program(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, "G21 G90\nG53 G0 X10\nM0\nM1\nG53 G0 X20\nM2\n", NULL, 0);
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, "G21 G90\nG53 G0 X10\nM0\nM1\nG53 G0 X20\nM2\n", NULL, 0);
     rig_run(&rig, 1000, 5);
     g_assert_cmpint(rig_state(&rig), ==, FB_STATE_PROGRAM_STOP);
     g_assert_cmpfloat(rig_see(&rig).position_mm[0], ==, 10);
@@ -250,9 +223,7 @@ static void stops_of_the_program(void)
     rig_run(&rig, 1000, 5);
     g_assert_cmpint(rig_state(&rig), ==, FB_STATE_COMPLETE);
     rig_clear(&rig);
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, "M0\nM2\n", NULL, 0);
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, "M0\nM2\n", NULL, 0);
     rig_run(&rig, 1000, 5);
     rig_do(&rig, SIM_ABORT);
     g_autofree char *states = rig_states(&rig);
@@ -263,9 +234,7 @@ static void stops_of_the_program(void)
 static void aborted(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, straight, NULL, 0);
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, straight, NULL, 0);
     rig_tick(&rig, SECOND);
     double x = rig_see(&rig).position_mm[0];
     rig_do(&rig, SIM_ABORT);
@@ -289,9 +258,7 @@ static void aborted(void)
 static void emergency_stop(void)
 {
     Rig rig;
-    rig_init(&rig, 1, 1000);
-    rig_load(&rig, straight, NULL, 0);
-    rig_do(&rig, SIM_START);
+    rig_start(&rig, 1, straight, NULL, 0);
     rig_tick(&rig, SECOND);
     rig_do(&rig, SIM_ESTOP);
     g_assert_cmpint(rig_state(&rig), ==, FB_STATE_ESTOP);
@@ -319,9 +286,7 @@ static void independent_of_ticks(void)
     static const int64_t tick_us[] = {1000000, 1000, 37};
     for (size_t i = 0; i < G_N_ELEMENTS(tick_us); i++) {
         Rig rig;
-        rig_init(&rig, 1, 1000);
-        rig_load(&rig, row, NULL, 0);
-        rig_do(&rig, SIM_START);
+        rig_start(&rig, 1, row, NULL, 0);
         while (rig.now_us + tick_us[i] < 333333)
             rig_tick(&rig, tick_us[i]);
         rig_tick(&rig, 333333 - rig.now_us);

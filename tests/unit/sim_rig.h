@@ -85,6 +85,16 @@ static inline const SimProgram *rig_load(Rig *rig, const char *text, const uint6
     return program;
 }
 
+/* A fresh rig that has just started a program. Its planned time; 0 after a failed assertion. */
+static inline double rig_start(Rig *rig, double speed, const char *text, const uint64_t *gates,
+                               size_t n)
+{
+    rig_init(rig, speed, 1000);
+    const SimProgram *program = rig_load(rig, text, gates, n);
+    rig_do(rig, SIM_START);
+    return program ? sim_program_duration_s(program) : 0;
+}
+
 static inline FbState rig_state(const Rig *rig)
 {
     return sim_controller_state(rig->controller);
