@@ -27,7 +27,7 @@ static void insist_on_stop(AgentExecution *execution, const FbStatus *status)
     if (execution->stop == FB_COMMAND_NONE || !link->done[FB_TASK_COMMAND] || !error ||
         status->state < FB_STATE_RUNNING || status->state > FB_STATE_ABORTING)
         return;
-    agent_progress_note("%s; asking again", error->message);
+    agent_progress_note("asking again: %s", error->message);
     ask_stop(execution, execution->stop);
 }
 
