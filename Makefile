@@ -28,6 +28,10 @@ OCC_LIBS    = -lTKIGES -lTKSTEP -lTKSTEPBase -lTKSTEPAttr -lTKSTEP209 -lTKXSBase
               -lTKMesh -lTKOffset -lTKFillet -lTKBool -lTKBO -lTKPrim -lTKTopAlgo -lTKGeomAlgo \
               -lTKBRep -lTKGeomBase -lTKG3d -lTKG2d -lTKMath -lTKernel
 
+# A make inside this one: packages are there, and both cores work unless -j says otherwise.
+SUBMAKE = $(MAKE) --no-print-directory NODEPS=1 \
+          $(if $(findstring -j,$(MAKEFLAGS))$(findstring jobserver,$(MAKEFLAGS)),,-j$(shell nproc))
+
 ROOMS = config segcore nc fieldbus sim agent
 src   = $(sort $(wildcard $(1)/*.c $(1)/*/*.c))
 obj   = $(patsubst %.c,$(BUILD)/%.o,$(call src,$(1)))
@@ -56,7 +60,7 @@ ready: $(if $(DEPS_MISSING),deps)
 
 .PHONY: all
 all: ready  ## build the programs
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 $(PROGRAMS)
+	$(Q)$(SUBMAKE) $(PROGRAMS)
 
 .PHONY: deps
 deps:  ## install the Debian packages that building and testing need

@@ -16,7 +16,7 @@ LINK      = $(Q)mkdir -p $(@D) && $(CC) $(SAN) $(LDFLAGS) -fopenmp -o $@ $^ $(PK
 
 .PHONY: check
 check: all  ## every quick test: under 15 minutes on two cores
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 style tests-built
+	$(Q)$(SUBMAKE) style tests-built
 	$(Q)$(PROVE) -j2 -e '' $(UNIT) $(FUZZ)
 	$(Q)$(PROVE) -j2 -e bash tests/e2e/*.sh
 
@@ -26,7 +26,7 @@ check-ci: check-asan check-clang check-mutants check-judges  ## the longer proof
 # Open CASCADE's own leaks are suppressed by library; nothing of ours is.
 .PHONY: check-asan
 check-asan: ready  ## the unit tests and fuzz corpora under ASan and UBSan
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 BUILD=$(BUILD)/asan OPT='-O1 -g' \
+	$(Q)$(SUBMAKE) BUILD=$(BUILD)/asan OPT='-O1 -g' \
 	    SAN='-fsanitize=address,undefined -fno-sanitize-recover=undefined -fno-omit-frame-pointer' \
 	    prove-unit
 
@@ -34,29 +34,29 @@ check-asan: ready  ## the unit tests and fuzz corpora under ASan and UBSan
 FUZZ_SECONDS = 20
 .PHONY: check-clang
 check-clang: ready
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 BUILD=$(BUILD)/clang CC=clang CXX=clang++ \
+	$(Q)$(SUBMAKE) BUILD=$(BUILD)/clang CC=clang CXX=clang++ \
 	    OPT='-O1 -g -Werror' SAN=-fsanitize=fuzzer-no-link,address,undefined \
 	    FUZZ_MAIN=-fsanitize=fuzzer PROGRAMS= fuzz-run
 
 .PHONY: check-mutants
 check-mutants: all
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 tests-built
+	$(Q)$(SUBMAKE) tests-built
 	$(Q)SEGMILL_MUTANTS=1000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
 
 .PHONY: check-judges
 check-judges: all
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 tests-built
+	$(Q)$(SUBMAKE) tests-built
 	$(Q)$(PROVE) -e bash tests/ci/*.sh
 
 .PHONY: soak
 soak: all  ## hours of the same: ten thousand damaged files, long fuzzing
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 tests-built
+	$(Q)$(SUBMAKE) tests-built
 	$(Q)SEGMILL_MUTANTS=10000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
 	$(Q)$(MAKE) --no-print-directory check-clang FUZZ_SECONDS=1800
 
 .PHONY: bench
 bench: all  ## figures: ours, the peer's where there is one, the ratio
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 $(BENCH) $(PARTS)
+	$(Q)$(SUBMAKE) $(BENCH) $(PARTS)
 	$(Q)for b in $(BENCH); do BUILD=$(BUILD) SEGMILL_TEST_DATA=$(TEST_DATA) $$b || exit 1; done
 
 .PHONY: demo
@@ -119,7 +119,7 @@ $(PARTS) &: $(BUILD)/parts/make_parts
 
 .PHONY: papers
 papers: all  ## the papers' experiments: their figures, ours, what is not reached
-	$(Q)$(MAKE) --no-print-directory NODEPS=1 $(BUILD)/papers/p0 $(PARTS)
+	$(Q)$(SUBMAKE) $(BUILD)/papers/p0 $(PARTS)
 	$(Q)BUILD=$(BUILD) $(BUILD)/papers/p0
 
 $(BUILD)/papers/%: $(BUILD)/tests/papers/%.o $(TEST_LIB) $(LIBS)
