@@ -128,50 +128,89 @@ static double cheapest_step(const NcJob *job, const double *needed)
     return best;
 }
 
+/* The facet seen along the planes. */
+typedef struct {
+    double u0, u1, v0, v1;
+} Extent;
+
+static Extent extent_of(const NcPatch *facet, const Planes *planes)
+{
+    const SegVec3 corner[3] = {facet->a, facet->b, facet->c};
+    Extent e = {INFINITY, -INFINITY, INFINITY, -INFINITY};
+    for (int k = 0; k < 3; k++) {
+        double u = planes->cosine * corner[k].x + planes->sine * corner[k].y;
+        double v = planes->cosine * corner[k].y - planes->sine * corner[k].x;
+        e = (Extent){fmin(e.u0, u), fmax(e.u1, u), fmin(e.v0, v), fmax(e.v1, v)};
+    }
+    return e;
+}
+
+/* A pass of level k serves what the planes of level k - 1 leave too high. */
+static double below_of(size_t i, int levels, double step)
+{
+    double below = INFINITY;
+    for (int level = 0; i % ((size_t)1 << (levels - level)) != 0; level++)
+        below = ldexp(step, -level) * (1 - 1e-9);
+    return below;
+}
+
+/* Each pass as long as the facets that need it, and the cutter beyond. */
+static void stretch(const NcJob *job, const double *needed, const Planes *planes, double fine,
+                    size_t n, NcPass *passes)
+{
+    double radius = job->trace.body.cutter.radius_mm;
+    double beyond = radius + job->trace.overlap_mm;
+    for (size_t f = 0; f < job->region->n_facets; f++) {
+        if (!isfinite(needed[f]))
+            continue;
+        Extent e = extent_of(&job->region->facets[f], planes);
+        double from = ceil((e.v0 - radius - planes->across[0]) / fine);
+        double to = floor((e.v1 + radius - planes->across[0]) / fine);
+        for (double i = fmax(from, 0); i <= fmin(to, (double)n - 1); i++) {
+            NcPass *pass = &passes[(size_t)i];
+            if (!(needed[f] < pass->below))
+                continue;
+            pass->t0 = fmin(pass->t0, e.u0 - beyond);
+            pass->t1 = fmax(pass->t1, e.u1 + beyond);
+        }
+    }
+}
+
 /* Planes over the region's bounds and the cutter beyond them; finer ones in between, level by
  * level, where something needs them. Sorted by place, so that neighbours follow each other. */
 static size_t lay_planes(const NcJob *job, const double *needed, double step, Planes *planes,
                          NcPass **passes)
 {
     const NcRegion *region = job->region;
-    double u0 = INFINITY, u1 = -INFINITY, v0 = INFINITY, v1 = -INFINITY;
+    double radius = job->trace.body.cutter.radius_mm, v0 = INFINITY, v1 = -INFINITY;
     int levels = 0;
     for (size_t f = 0; f < region->n_facets; f++) {
-        const NcPatch *facet = &region->facets[f];
-        const SegVec3 corner[3] = {facet->a, facet->b, facet->c};
-        for (int k = 0; k < 3; k++) {
-            double u = planes->cosine * corner[k].x + planes->sine * corner[k].y;
-            double v = planes->cosine * corner[k].y - planes->sine * corner[k].x;
-            u0 = fmin(u0, u);
-            u1 = fmax(u1, u);
-            v0 = fmin(v0, v);
-            v1 = fmax(v1, v);
-        }
-        levels = MAX(levels, level_of(step, needed[f]));
+        Extent e = extent_of(&region->facets[f], planes);
+        v0 = fmin(v0, e.v0 - radius);
+        v1 = fmax(v1, e.v1 + radius);
+        levels = MAX(levels, MIN(level_of(step, needed[f]), LEVELS));
     }
-    double beyond = job->trace.body.cutter.radius_mm + job->trace.overlap_mm;
-    u0 -= beyond;
-    u1 += beyond;
-    v0 -= job->trace.body.cutter.radius_mm;
-    v1 += job->trace.body.cutter.radius_mm;
-    levels = MIN(levels, LEVELS);
     double fine = ldexp(step, -levels);
-    size_t n = (size_t)ceil((v1 - v0) / fine) + 1, stride = (size_t)1 << levels;
+    size_t n = (size_t)ceil((v1 - v0) / fine) + 1;
     planes->across = g_new(double, n);
     *passes = g_new(NcPass, n);
-    size_t steps = (size_t)fmax(ceil((u1 - u0) / nc_trace_pitch_mm(&job->trace)), 1);
-    double middle = (v0 + v1) / 2, first = middle - fine * (double)(n - 1) / 2;
+    double first = (v0 + v1) / 2 - fine * (double)(n - 1) / 2;
     for (size_t i = 0; i < n; i++) {
         planes->across[i] = first + fine * (double)i;
-        /* A pass of level k serves what the planes of level k - 1 leave too high. */
-        double below = INFINITY;
-        for (size_t s = stride, level = 0; i % s != 0; s /= 2, level++)
-            below = ldexp(step, -(int)level) * (1 - 1e-9);
-        (*passes)[i] = (NcPass){.t0 = u0, .t1 = u1, .n = steps, .needed = needed, .below = below};
-        if (isinf(below))
-            (*passes)[i].needed = NULL;
+        (*passes)[i] = (NcPass){
+            .t0 = INFINITY, .t1 = -INFINITY, .needed = needed, .below = below_of(i, levels, step)};
     }
-    return n;
+    stretch(job, needed, planes, fine, n, *passes);
+    size_t used = 0;
+    for (size_t i = 0; i < n; i++) {
+        NcPass pass = (*passes)[i];
+        if (pass.t0 > pass.t1)
+            continue;
+        pass.n = (size_t)fmax(ceil((pass.t1 - pass.t0) / nc_trace_pitch_mm(&job->trace)), 1);
+        planes->across[used] = planes->across[i];
+        (*passes)[used++] = pass;
+    }
+    return used;
 }
 
 /* Cutting at the feed, and a turn at the end of every plane. */
