@@ -2,8 +2,8 @@
 /*
  * Every IGES and STEP file of the outside data against what Open CASCADE itself says of it
  * (tests/judges/occ_judge): it loads, or is refused, within a minute; boxes of boundaries are
- * BRepBndLib::AddOptimal's, areas BRepGProp's. SEGMILL_JUDGE_EVERY=1 takes all files, the default
- * every fourth of the large families (mfcad, mfcadpp, mftrcad).
+ * BRepBndLib::AddOptimal's, areas BRepGProp's. SEGMILL_JUDGE_EVERY=1 takes all files, with the
+ * default chord; the default every fourth of the large families (mfcad, mfcadpp, mftrcad), coarse.
  */
 #include <gio/gio.h>
 #include <math.h>
@@ -18,12 +18,19 @@
 static const double FIGURE_8 = 0.0137;
 static const double OURS = 1e-6;
 
+static guint every(void)
+{
+    const char *asked = g_getenv("SEGMILL_JUDGE_EVERY");
+    return asked ? (guint)MAX(strtol(asked, NULL, 10), 1) : 4;
+}
+
 static SegPart *load(const char *path, GError **error)
 {
     g_autofree char *helper = test_program("segmill-cad");
     SegLoadOptions options = SEG_LOAD_DEFAULTS;
     options.helper = helper;
-    options.chord_mm = 1; /* triangles are not what is judged here */
+    if (every() > 1)
+        options.chord_mm = 1; /* triangles are not what is judged here */
     return seg_part_load(path, &options, error);
 }
 
@@ -66,19 +73,23 @@ typedef struct {
     size_t faces, unsure;
 } Worst;
 
-/* The area that the judge converges to, where its default is not enough. */
-static double converged_area(const char *path, int face)
+/* The area that the judge converges to, where its default is not enough; `lines` keeps what it said
+ * of the file. */
+static double converged_area(const char *path, int face, GStrv *lines)
 {
-    g_autofree char *out = ask_judge(path, "1e-6");
-    g_auto(GStrv) lines = g_strsplit(out ? out : "", "\n", -1);
+    if (!*lines) {
+        g_autofree char *out = ask_judge(path, "1e-6");
+        *lines = g_strsplit(out ? out : "", "\n", -1);
+    }
     Verdict v = {0};
-    for (char **line = lines; *line; line++)
+    for (char **line = *lines; *line; line++)
         if (parse(*line, &v) && v.face == face)
             return v.area_mm2;
     return NAN;
 }
 
-static void compare(const SegPart *part, const char *path, const Verdict *v, Worst *worst)
+static void compare(const SegPart *part, const char *path, const Verdict *v, GStrv *converged,
+                    Worst *worst)
 {
     SegFeatureSizeParams params = SEG_FEATURE_SIZE_DEFAULTS;
     double size = seg_feature_size(part, v->face, &params, NULL).diagonal_mm;
@@ -95,7 +106,7 @@ static void compare(const SegPart *part, const char *path, const Verdict *v, Wor
     double slack = v->gap_mm * expected + 1e-4 * v->area_mm2, judged = v->area_mm2;
     worst->unsure += v->gap_mm * expected > 1e-4 * v->area_mm2;
     if (fabs(area - judged) > slack)
-        judged = converged_area(path, v->face);
+        judged = converged_area(path, v->face, converged);
     worst->area = fmax(worst->area, fmax(fabs(area - judged) - v->gap_mm * expected, 0) / judged);
     if (!(fabs(area - judged) <= slack)) {
         g_test_message("%s face %d: area %.12g, judge %.12g, gap %g", path, v->face, area, judged,
@@ -121,6 +132,7 @@ static void judge_file(const char *path, Worst *worst)
     g_autofree char *out = ask_judge(path, NULL);
     g_assert_nonnull(out);
     g_auto(GStrv) lines = g_strsplit(out ? out : "", "\n", -1);
+    g_auto(GStrv) converged = NULL;
     int32_t faces = 0;
     for (char **line = lines; *line; line++) {
         Verdict v;
@@ -128,7 +140,7 @@ static void judge_file(const char *path, Worst *worst)
             continue;
         g_assert_cmpint(v.face, ==, faces++);
         if (v.face < part->n_faces)
-            compare(part, path, &v, worst);
+            compare(part, path, &v, &converged, worst);
     }
     g_assert_cmpint(part->n_faces, ==, faces);
     worst->faces += (size_t)faces;
@@ -137,10 +149,7 @@ static void judge_file(const char *path, Worst *worst)
 static void judge_folder(const void *folder)
 {
     static const char *const suffixes[] = {".igs", ".iges", ".IGS", ".stp", ".step", ".STEP", NULL};
-    const char *every = g_getenv("SEGMILL_JUDGE_EVERY");
-    guint step = every ? (guint)MAX(strtol(every, NULL, 10), 1) : 4;
-    if (!g_str_has_prefix(folder, "mf"))
-        step = 1;
+    guint step = g_str_has_prefix(folder, "mf") ? every() : 1;
     g_autoptr(GPtrArray) files = test_data_files(folder, suffixes);
     Worst worst = {0};
     for (guint i = 0; i < files->len; i += step)
