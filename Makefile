@@ -29,7 +29,7 @@ OCC_LIBS    = -lTKIGES -lTKSTEP -lTKSTEPBase -lTKSTEPAttr -lTKSTEP209 -lTKXSBase
               -lTKBRep -lTKGeomBase -lTKG3d -lTKG2d -lTKMath -lTKernel
 
 # A make inside this one: packages are there, and both cores work unless -j says otherwise.
-SUBMAKE = $(MAKE) --no-print-directory NODEPS=1 \
+SUBMAKE = $(MAKE) $(if $(Q),-s) --no-print-directory NODEPS=1 \
           $(if $(findstring -j,$(MAKEFLAGS))$(findstring jobserver,$(MAKEFLAGS)),,-j$(shell nproc))
 
 ROOMS = config segcore nc fieldbus sim agent
