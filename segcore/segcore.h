@@ -148,7 +148,8 @@ typedef struct {
 
 /* What Open CASCADE may use before it is stopped. */
 typedef struct {
-    const char *helper; /* path of segmill-cad; NULL: beside the running program, then PATH */
+    const char *helper; /* path of segmill-cad; NULL: in the folder of the running program, the one
+                           above, ../libexec/segmill, PATH */
     double chord_mm;    /* chord tolerance of the tessellation */
     double angle_rad;   /* angular tolerance of the tessellation */
     unsigned timeout_s;
@@ -162,14 +163,15 @@ typedef struct {
  * Reads a part. `path` may be IGES (.igs, .iges), STEP (.stp, .step), STL (ascii or binary) or OFF,
  * told by content, not by name. CAD files go through segmill-cad as a child process; whatever
  * happens to it ends as an error that names the file. Caller owns the result.
- * Errors: SEG_ERROR_INPUT, SEG_ERROR_IO.
+ * Errors: SEG_ERROR_INPUT; SEG_ERROR_IO where the file or segmill-cad cannot be read or run.
  */
 SegPart *seg_part_load(const char *path, const SegLoadOptions *options, GError **error);
 
 /* Checks and adopts a part form; trusts nothing in it. Takes its own reference on `memory`. */
 SegPart *seg_part_from_form(GBytes *memory, GError **error);
 
-/* Reads STL (ascii or binary) or OFF from memory; `name` is for messages. */
+/* Reads STL (ascii or binary) or OFF from memory; `name` is for messages. Polygons become fans;
+ * triangles without an area are left out. */
 SegPart *seg_part_from_mesh(const void *bytes, size_t length, const char *name, GError **error);
 
 SegPart *seg_part_ref(SegPart *part);
@@ -272,7 +274,9 @@ typedef struct {
     size_t n_triangles;
     double area_mm2;
     double feature_size_mm[4];    /* diagonal, length, width, height (P0) */
-    double min_concave_radius_mm; /* INFINITY where nothing is concave */
+    double min_concave_radius_mm; /* of the surfaces, not of sharp edges between them, which no ball
+                                     reaches into; INFINITY where nothing is concave, and for
+                                     triangles of a mesh, whose curvature is not measured */
     int32_t *neighbours;          /* ids, ascending */
     size_t n_neighbours;
 } SegRegion;

@@ -10,8 +10,8 @@
 SegPart *seg_read_cad(const char *path, const char *sha256, const SegLoadOptions *options,
                       GError **error);
 
-/* Both append three SegVec3 a triangle to `corners`, every coordinate a number within the part
- * form's range; a triangle may still be degenerate. Not both can be meant: seg_is_off tells. */
+/* What looks like OFF, and what like STL. The readers append three SegVec3 a triangle to `corners`,
+ * every coordinate within the part form's range; a triangle may still be degenerate. */
 bool seg_is_off(const char *bytes, size_t length);
 bool seg_read_off(const char *bytes, size_t length, const char *name, GArray *corners,
                   GError **error);
@@ -22,12 +22,13 @@ bool seg_read_stl(const char *bytes, size_t length, const char *name, GArray *co
 /* Most triangles of a mesh: more would not fit GLib's arrays. */
 enum { SEG_MESH_MAX_TRIANGLES = 50 * 1000 * 1000 };
 
-/* The words of a text file, with the line they stand on. Begin with line = 1. */
+/* The words of a text file, with the line they stand on. Begin with line 1. */
 typedef struct {
     const char *at, *end;
     int line;
     char comment;  /* from here to the end of a line nothing counts; '\0': no such character */
     char word[64]; /* the last one read, in lower case; a longer one is cut */
+    bool cut;      /* it was: no number */
 } SegWords;
 
 bool seg_next_word(SegWords *words); /* false at the end */

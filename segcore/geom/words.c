@@ -21,12 +21,15 @@ bool seg_next_word(SegWords *words)
 {
     skip_space(words);
     size_t n = 0;
+    words->cut = false;
     for (; words->at < words->end; words->at++) {
         char c = *words->at;
         if (g_ascii_isspace(c) || c == '\0' || (words->comment && c == words->comment))
             break;
         if (n + 1 < sizeof words->word)
             words->word[n++] = g_ascii_tolower(c);
+        else
+            words->cut = true;
     }
     words->word[n] = '\0';
     return n > 0;
@@ -45,7 +48,7 @@ bool seg_next_coordinate(SegWords *words, double *value)
     if (!seg_next_word(words))
         return false;
     *value = g_ascii_strtod(words->word, &rest);
-    return *rest == '\0' && fabs(*value) <= SEG_FORM_MAX_REAL;
+    return !words->cut && *rest == '\0' && fabs(*value) <= SEG_FORM_MAX_REAL;
 }
 
 bool seg_next_point(SegWords *words, SegVec3 *point)

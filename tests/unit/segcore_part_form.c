@@ -47,140 +47,89 @@ static void assert_refused(GBytes *bytes, const char *what)
     }
 }
 
-/* One wrong entry a case; the message names the table and the entry. */
+/* One wrong field a case; the message names the table and the entry. */
+typedef struct {
+    const char *what;
+    size_t table; /* of the Form */
+    guint entry;
+    size_t field;
+    char type; /* i: int32_t, l: int64_t, d: double */
+    double value;
+} Wrong;
+
+#define AT(table, entry, record, field) offsetof(Form, table), entry, offsetof(record, field)
+#define REAL(entry) offsetof(Form, reals), entry, 0
+
+/* Face 1 of the sample: knots in u at real SURFACE, in v behind them, poles, then weights. */
+enum { SURFACE = 92, KNOTS_U = 6, WEIGHTS = KNOTS_U + 4 + 18 };
+
+static const Wrong wrongs[] = {
+    {"faces[1]", AT(faces, 1, SegFace, type), 'i', SEG_N_SURFACE_TYPES},
+    {"faces[1]", AT(faces, 1, SegFace, type), 'i', -1},
+    {"faces[1]", AT(faces, 1, SegFace, type), 'i', SEG_SURFACE_MESH},
+    {"faces[1]", AT(faces, 1, SegFace, reversed), 'i', 2},
+    {"faces[1]", AT(faces, 1, SegFace, surface.degree_u), 'i', 0},
+    {"faces[1]", AT(faces, 1, SegFace, surface.degree_u), 'i', 26},
+    {"faces[1]", AT(faces, 1, SegFace, surface.n_u), 'i', 2},
+    {"faces[1]", AT(faces, 1, SegFace, surface.n_v), 'i', INT32_MAX},
+    {"faces[1]", AT(faces, 1, SegFace, surface.rational), 'i', 7},
+    {"faces[1]", AT(faces, 1, SegFace, surface.data), 'l', -1},
+    {"faces[1]", AT(faces, 1, SegFace, surface.data), 'l', 9e18},
+    {"faces[1]: knots decrease", REAL(SURFACE + 2), 'd', 2},
+    {"faces[1]: the domain is empty", REAL(SURFACE + 3), 'd', 0},
+    {"faces[1]: a weight", REAL(SURFACE + WEIGHTS + 3), 'd', 0},
+    {"faces[1]: a weight", REAL(SURFACE + WEIGHTS + 3), 'd', -1},
+    {"faces[1]: an axis", AT(faces, 1, SegFace, axis.z), 'd', 2},
+    {"faces[1]: the radius", AT(faces, 1, SegFace, radius_mm), 'd', 0},
+    {"faces[1]", AT(faces, 1, SegFace, n_loops), 'i', 0},
+    {"faces[1]", AT(faces, 1, SegFace, first_loop), 'i', 0},
+    {"faces[1]", AT(faces, 1, SegFace, n_triangles), 'i', 3},
+    {"faces[1]", AT(faces, 1, SegFace, n_iges_curves), 'i', 1},
+    {"faces[1]", AT(faces, 1, SegFace, iges_de), 'i', -1},
+    {"loops[1]", AT(loops, 1, SegLoop, n_coedges), 'i', 5},
+    {"loops[1]", AT(loops, 1, SegLoop, first_coedge), 'i', 3},
+    {"loops[1]", AT(loops, 1, SegLoop, outer), 'i', 2},
+    {"coedges[5]", AT(coedges, 5, SegCoedge, edge), 'i', 8},
+    {"coedges[5]", AT(coedges, 5, SegCoedge, pcurve.dim), 'i', 3},
+    {"coedges[5]", AT(coedges, 5, SegCoedge, t_last), 'd', 0},
+    {"edges[5]", AT(edges, 5, SegEdge, t_last), 'd', 11},
+    {"edges[5]", AT(edges, 5, SegEdge, face[1]), 'i', 2},
+    {"does not name face 1", AT(edges, 5, SegEdge, face[0]), 'i', 0},
+    {"vertices[6]", AT(vertices, 6, SegVertex, normal.z), 'd', 1.1},
+    {"vertices[6]", AT(vertices, 6, SegVertex, position.y), 'd', NAN},
+    {"triangles[3]", AT(triangles, 3, SegTriangle, vertex[1]), 'i', 2},
+    {"triangles[3]", AT(triangles, 3, SegTriangle, vertex[1]), 'i', 8},
+    {"triangles[3]", AT(triangles, 3, SegTriangle, face), 'i', 0},
+    {"reals[0]", REAL(0), 'd', INFINITY},
+};
+
+static void spoil(Form *form, const Wrong *wrong)
+{
+    GArray *table = *(GArray **)(void *)((char *)form + wrong->table);
+    void *field = table->data + wrong->entry * g_array_get_element_size(table) + wrong->field;
+    int32_t narrow = wrong->type == 'i' ? (int32_t)wrong->value : 0;
+    int64_t wide = wrong->type == 'l' ? (int64_t)wrong->value : 0;
+    switch (wrong->type) {
+    case 'i':
+        memcpy(field, &narrow, sizeof narrow);
+        break;
+    case 'l':
+        memcpy(field, &wide, sizeof wide);
+        break;
+    default:
+        memcpy(field, &wrong->value, sizeof wrong->value);
+    }
+}
+
 static void test_entries(void)
 {
-    enum { CASES = 34 };
-    for (int i = 0; i < CASES; i++) {
+    g_autoptr(Form) good = form_sample();
+    g_assert_cmpint(g_array_index(good->faces, SegFace, 1).surface.data, ==, SURFACE);
+    for (size_t i = 0; i < G_N_ELEMENTS(wrongs); i++) {
         g_autoptr(Form) form = form_sample();
-        SegFace *face = &g_array_index(form->faces, SegFace, 1);
-        SegLoop *loop = &g_array_index(form->loops, SegLoop, 1);
-        SegCoedge *coedge = &g_array_index(form->coedges, SegCoedge, 5);
-        SegEdge *edge = &g_array_index(form->edges, SegEdge, 5);
-        SegVertex *vertex = &g_array_index(form->vertices, SegVertex, 6);
-        SegTriangle *triangle = &g_array_index(form->triangles, SegTriangle, 3);
-        double *reals = (double *)(void *)form->reals->data;
-        double *knots = reals + face->surface.data;
-        double *weights = knots + 6 + 4 + 18;
-        const char *what = "faces[1]";
-        switch (i) {
-        case 0:
-            face->type = SEG_N_SURFACE_TYPES;
-            break;
-        case 1:
-            face->type = -1;
-            break;
-        case 2:
-            face->reversed = 2;
-            break;
-        case 3:
-            face->surface.degree_u = 0;
-            break;
-        case 4:
-            face->surface.degree_u = 26;
-            break;
-        case 5:
-            face->surface.n_u = 2;
-            break;
-        case 6:
-            face->surface.n_v = INT32_MAX;
-            break;
-        case 7:
-            face->surface.rational = 7;
-            break;
-        case 8:
-            face->surface.data = -1;
-            break;
-        case 9:
-            face->surface.data = INT64_MAX;
-            break;
-        case 10:
-            knots[2] = 2;
-            break;
-        case 11:
-            knots[3] = knots[4] = knots[5] = 0;
-            break;
-        case 12:
-            weights[3] = 0;
-            break;
-        case 13:
-            weights[3] = -1;
-            break;
-        case 14:
-            face->axis = seg_vec3(0, 0, 2);
-            break;
-        case 15:
-            face->radius_mm = 0;
-            break;
-        case 16:
-            face->n_loops = 0;
-            break;
-        case 17:
-            face->first_loop = 0;
-            break;
-        case 18:
-            face->n_triangles = 3;
-            break;
-        case 19:
-            face->n_iges_curves = 1;
-            break;
-        case 20:
-            face->type = SEG_SURFACE_MESH;
-            break;
-        case 21:
-            face->iges_de = -1;
-            break;
-        case 22:
-            what = "loops[1]";
-            loop->n_coedges = 5;
-            break;
-        case 23:
-            what = "loops[1]";
-            loop->first_coedge = 3;
-            break;
-        case 24:
-            what = "coedges[5]";
-            coedge->edge = 8;
-            break;
-        case 25:
-            what = "coedges[5]";
-            coedge->pcurve.dim = 3;
-            break;
-        case 26:
-            what = "coedges[5]";
-            coedge->t_last = coedge->t_first;
-            break;
-        case 27:
-            what = "edges[5]";
-            edge->t_last = 11;
-            break;
-        case 28:
-            what = "edges[5]";
-            edge->face[1] = 2;
-            break;
-        case 29:
-            what = "does not name face 1";
-            edge->face[0] = 0;
-            break;
-        case 30:
-            what = "vertices[6]";
-            vertex->normal = seg_vec3(0, 0, 1.1);
-            break;
-        case 31:
-            what = "vertices[6]";
-            vertex->position.y = NAN;
-            break;
-        case 32:
-            what = "triangles[3]";
-            triangle->vertex[1] = 2;
-            break;
-        case 33:
-            what = "reals[";
-            reals[form->reals->len - 1] = INFINITY;
-            break;
-        }
+        spoil(form, &wrongs[i]);
         g_autoptr(GBytes) bytes = form_bytes(form);
-        assert_refused(bytes, what);
+        assert_refused(bytes, wrongs[i].what);
     }
 }
 
