@@ -206,11 +206,11 @@ static void print_parts(void)
     /* The ratios take the bosses, the splitters with the slivers along the blades, the ends. */
     const struct {
         const char *name;
-        const char *set[4];
+        const char *set[5];
     } parts[] = {
         {"p0_piece", {"quality.scallop_mm=0.004", "local_ratio=0.4", "keep_out=5,6,8,9,11"}},
         {"impeller", {"quality.scallop_mm=0.004", "local_ratio=0.3"}},
-        {"blade", {"quality.scallop_mm=0.004", "local_ratio=0.85"}}};
+        {"blade", {"quality.scallop_mm=0.004", "local_ratio=0.85", "setup.up=+y"}}};
     for (size_t i = 0; i < G_N_ELEMENTS(parts); i++) {
         g_autofree char *file = g_strconcat("parts/", parts[i].name, ".igs", NULL);
         g_autofree char *path = test_program(file);

@@ -65,5 +65,5 @@ TopoDS_Shape make_blade()
     splitter.SetArguments(arguments);
     splitter.SetTools(tools);
     splitter.Build();
-    return splitter.Shape();
+    return splitter.Shape().Reversed(); // the sides' u × v points into the blade
 }
