@@ -13,6 +13,7 @@ typedef struct {
 static void walk_operation(Walk *walk, const NcOperation *operation);
 static void change_tool(Walk *walk, int tool);
 static void set_spindle(Walk *walk, double rpm);
+static void rapid(Walk *walk, SegVec3 to);
 
 static Walk walk_new(const CfgRecipe *recipe, const CfgMachine *machine, double blend_mm)
 {
@@ -89,6 +90,8 @@ void nc_estimate_plan(NcPlan *plan, const CfgRecipe *recipe, const CfgMachine *m
         plan->air_mm += operation->air_mm;
         plan->reversals += operation->reversals;
     }
+    set_spindle(&walk, 0);
+    rapid(&walk, seg_vec3(walk.at.x, walk.at.y, machine->axis[2].max_mm));
     g_autofree NcTimedMove *timed =
         nc_motion_plan(machine, (NcMove *)(void *)walk.moves->data, walk.moves->len);
     double before = 0;
@@ -98,7 +101,8 @@ void nc_estimate_plan(NcPlan *plan, const CfgRecipe *recipe, const CfgMachine *m
         plan->operations[i].estimated_s = s - before;
         before = s;
     }
-    plan->estimated_s = before;
+    const NcTimedMove *last = &timed[walk.moves->len - 1];
+    plan->estimated_s = last->start_s + last->duration_s;
     g_array_unref(walk.moves);
 }
 

@@ -134,25 +134,31 @@ static void face_clear(Face *face)
 
 static bool contains(const Face *face, double u, double v)
 {
-    return face->n_loops == 0 || seg_polygons_contain(face->loops, face->n_loops, u, v);
+    if (face->n_loops == 0)
+        return u >= face->lo[0] && u <= face->hi[0] && v >= face->lo[1] && v <= face->hi[1];
+    return seg_polygons_contain(face->loops, face->n_loops, u, v);
 }
 
-/* The surface in workpiece coordinates, its normal turned to the side the tool comes from. */
+/* The surface in workpiece coordinates, its normal turned to the side the tool comes from; beyond
+ * the surface its tangent plane. */
 typedef struct {
     SegVec3 p, normal, along, across; /* the last two: derivatives by the two parameters */
     double bend;                      /* normal curvature at right angles to the line */
     bool regular;
 } Ground;
 
-static Ground ground_at(const Face *face, double t, double at)
+static Ground ground_at(const Face *face, double t_wish, double at_wish)
 {
     const SegPart *part = face->job->part;
     const NcSetup *setup = face->job->setup;
     int a = face->along;
+    double t = fmin(fmax(t_wish, face->domain[a][0]), face->domain[a][1]);
+    double at = fmin(fmax(at_wish, face->domain[1 - a][0]), face->domain[1 - a][1]);
     SegSurfacePoint s = seg_face_evaluate(part, face->face, a ? at : t, a ? t : at);
     Ground g = {.p = nc_setup_point(setup, s.p),
                 .along = nc_setup_direction(setup, a ? s.pv : s.pu),
                 .across = nc_setup_direction(setup, a ? s.pu : s.pv)};
+    g.p = seg_along(seg_along(g.p, g.along, t_wish - t), g.across, at_wish - at);
     SegVec3 normal;
     g.regular = seg_surface_normal(&part->faces[face->face], &s, &normal);
     g.normal = nc_setup_direction(setup, normal);
@@ -229,26 +235,41 @@ static double step_at(const Face *face, double at, double *length)
     return fmax(fmax(steps[from][0], least), range / LINES_MOST);
 }
 
-/* Lines from border to border; the sum of their lengths. */
+/* Lines beyond the border at `at`, as far as the overlap; `way` is -1 or 1. */
+static void lay_overlap(const Face *face, double at, int way, GArray *lines)
+{
+    int t = face->along;
+    double length, step = step_at(face, at, &length);
+    double speed = seg_norm(ground_at(face, (face->lo[t] + face->hi[t]) / 2, at).across);
+    double overlap = speed > 0 ? face->job->trace.overlap_mm / speed : 0;
+    for (double beyond = overlap; beyond > 0; beyond -= step) {
+        Line line = {face, at + way * beyond, 0};
+        g_array_append_val(lines, line);
+    }
+}
+
+/* Lines from border to border, and into the overlap beyond; the sum of their lengths. */
 static double lay_lines(const Face *face, GArray *lines)
 {
     int w = 1 - face->along;
     double range = face->hi[w] - face->lo[w], inset = INSET * range, total = 0;
-    double at = face->lo[w] + inset, last = face->hi[w] - inset;
+    double first = face->lo[w] + inset, last = face->hi[w] - inset;
     if (!(range > 0))
         return 0;
-    for (;;) {
-        double length, step = step_at(face, at, &length);
+    lay_overlap(face, first, -1, lines);
+    for (double at = first;;) {
+        double length, there, step = step_at(face, at, &length);
         Line line = {face, at, step};
         g_array_append_val(lines, line);
         total += length;
         if (at >= last)
-            return total;
+            break;
         /* The step may shrink on the way: the line there has a say too. */
-        double there;
         step = fmin(step, fmax(step_at(face, fmin(at + step, last), &there), step / 2));
         at = at + step * 1.05 >= last ? last : at + step;
     }
+    lay_overlap(face, last, 1, lines);
+    return total;
 }
 
 static void add_passes(const Face *face, const GArray *lines, size_t from, GArray *passes)
@@ -303,14 +324,11 @@ static double locate(const void *curves, size_t pass, double t, SegVec3 *tip)
     const Line *line = (const Line *)curves + pass;
     const Face *face = line->face;
     const NcTrace *trace = &face->job->trace;
-    const double *domain = face->domain[face->along];
-    double inside = fmin(fmax(t, domain[0]), domain[1]);
-    Ground g = ground_at(face, inside, line->at);
+    Ground g = ground_at(face, t, line->at);
     bool wall = g.regular && fabs(g.normal.z) <= NC_WALL_UP;
-    bool wanted = inside == t && g.regular &&
-                  (contains(face, face->along ? line->at : t, face->along ? t : line->at) ||
-                   (wall && serves_above(line, t, g.p.z)));
-    g.p = seg_along(g.p, g.along, t - inside);
+    bool wanted =
+        g.regular && (contains(face, face->along ? line->at : t, face->along ? t : line->at) ||
+                      (wall && serves_above(line, t, g.p.z)));
     *tip = tip_on(face->job, &g, face->shift_mm);
     /* Where table, shank or holder stop the tool, a wall can be touched higher up. */
     double least = wall ? nc_body_least_z(trace->terrain, &trace->body, *tip) : -INFINITY;

@@ -158,14 +158,13 @@ static double below_of(size_t i, int levels, double step)
 static void stretch(const NcJob *job, const double *needed, const Planes *planes, double fine,
                     size_t n, NcPass *passes)
 {
-    double radius = job->trace.body.cutter.radius_mm;
-    double beyond = radius + job->trace.overlap_mm;
+    double beyond = job->trace.body.cutter.radius_mm + job->trace.overlap_mm;
     for (size_t f = 0; f < job->region->n_facets; f++) {
         if (!isfinite(needed[f]))
             continue;
         Extent e = extent_of(&job->region->facets[f], planes);
-        double from = ceil((e.v0 - radius - planes->across[0]) / fine);
-        double to = floor((e.v1 + radius - planes->across[0]) / fine);
+        double from = ceil((e.v0 - beyond - planes->across[0]) / fine);
+        double to = floor((e.v1 + beyond - planes->across[0]) / fine);
         for (double i = fmax(from, 0); i <= fmin(to, (double)n - 1); i++) {
             NcPass *pass = &passes[(size_t)i];
             if (!(needed[f] < pass->below))
@@ -182,12 +181,13 @@ static size_t lay_planes(const NcJob *job, const double *needed, double step, Pl
                          NcPass **passes)
 {
     const NcRegion *region = job->region;
-    double radius = job->trace.body.cutter.radius_mm, v0 = INFINITY, v1 = -INFINITY;
+    double beyond = job->trace.body.cutter.radius_mm + job->trace.overlap_mm;
+    double v0 = INFINITY, v1 = -INFINITY;
     int levels = 0;
     for (size_t f = 0; f < region->n_facets; f++) {
         Extent e = extent_of(&region->facets[f], planes);
-        v0 = fmin(v0, e.v0 - radius);
-        v1 = fmax(v1, e.v1 + radius);
+        v0 = fmin(v0, e.v0 - beyond);
+        v1 = fmax(v1, e.v1 + beyond);
         levels = MAX(levels, MIN(level_of(step, needed[f]), LEVELS));
     }
     double fine = ldexp(step, -levels);

@@ -5,8 +5,10 @@
 
 #include "nc/toolpath/smooth.h"
 
-/* Contact further than this from the facet's normal is a roll around an edge, not a touch. */
+/* Contact further than this from the facet's normal is a roll around an edge, not a touch; on what
+ * lies beyond the region's border, further from the normal at the border. */
 #define ROLL_COS 0.94
+#define BORDER_COS 0.8
 /* Refinement ends where a move is shorter than this share of the chord share. */
 #define SHORTEST 0.5
 #define ROUNDS 24
@@ -36,7 +38,8 @@ static void lay(const NcTrace *trace, const NcPass *passes, NcLocate locate, con
 static void mark_near(const NcTrace *trace, GArray *points);
 static bool refine(const NcTrace *trace, const NcPass *passes, NcLocate locate, const void *curves,
                    GArray **points, size_t n_passes);
-static void cut_out(const NcTrace *trace, GArray *points, size_t pass, GArray *pieces);
+static void cut_out(const NcTrace *trace, const NcPass *pass, GArray *points, size_t index,
+                    GArray *pieces);
 
 double nc_trace_pitch_mm(const NcTrace *trace)
 {
@@ -74,7 +77,7 @@ GArray *nc_trace(const NcTrace *trace, const NcPass *passes, size_t n_passes, Nc
 
     GArray *pieces = g_array_new(FALSE, FALSE, sizeof(NcPiece));
     for (size_t p = 0; p < n_passes; p++) {
-        cut_out(trace, points[p], p, pieces);
+        cut_out(trace, &passes[p], points[p], p, pieces);
         g_array_unref(points[p]);
     }
     nc_smooth(trace, pieces);
@@ -92,43 +95,76 @@ void nc_pieces_free(GArray *pieces)
 
 /* ------------------------------------------------------------------ laying points */
 
-/* What the drop found on the region alone. */
+/* What a drop found. */
 typedef struct {
     double z;
-    int32_t facet;
+    int32_t triangle;
     SegVec3 point;
 } Contact;
 
-/* Does the cutter with its tip there touch the point along the facet's normal? */
-static bool touches(NcCutter cutter, SegVec3 tip, SegVec3 point, SegVec3 normal)
+/* Many of them. */
+typedef struct {
+    double *z;
+    int32_t *triangle;
+    SegVec3 *point;
+} Drops;
+
+static Drops drops_new(size_t n)
+{
+    return (Drops){g_new0(double, n + 1), g_new0(int32_t, n + 1), g_new0(SegVec3, n + 1)};
+}
+
+static void drops_clear(Drops *drops)
+{
+    g_free(drops->z);
+    g_free(drops->triangle);
+    g_free(drops->point);
+}
+
+/* Does the cutter with its tip there touch the point within this cosine of the normal? */
+static bool touches(NcCutter cutter, SegVec3 tip, SegVec3 point, SegVec3 normal, double cosine)
 {
     double r = cutter.corner_radius_mm, flat = cutter.radius_mm - r;
     double dx = point.x - tip.x, dy = point.y - tip.y, d = hypot(dx, dy);
     if (r <= 0)
         return true;
     if (d <= flat)
-        return normal.z >= ROLL_COS;
+        return normal.z >= cosine;
     double out = (d - flat) / r, up = (tip.z + r - point.z) / r;
     SegVec3 to_centre = seg_unit(seg_vec3(-dx / d * out, -dy / d * out, up));
-    return seg_dot(to_centre, normal) >= ROLL_COS;
+    return seg_dot(to_centre, normal) >= cosine;
+}
+
+/* Does the cutter touch the part beyond the region's border, but within the overlap of it, and as
+ * the region goes on there? */
+static bool is_overlap(const NcTrace *trace, SegVec3 tip, SegVec3 point)
+{
+    double o = trace->overlap_mm;
+    NcCutter ball = {o, o};
+    int32_t facet;
+    double centre = nc_drop(trace->region->terrain, ball, point.x, point.y, &facet, NULL) + o;
+    if (o <= 0 || facet < 0 || centre < point.z || centre > point.z + 2 * o)
+        return false;
+    SegVec3 normal = trace->region->facets[facet].normal;
+    return touches(trace->body.cutter, tip, point, normal, BORDER_COS);
 }
 
 static State state_of(const NcTrace *trace, const NcPass *pass, SegVec3 tip, double wish,
-                      double lift, const Contact *contact)
+                      double lift, const Contact *part, const Contact *region)
 {
     if (!isfinite(tip.z) || tip.z < trace->floor_mm ||
         !nc_body_clear(trace->terrain, &trace->body, tip))
         return BLOCKED;
-    if (lift < 0)
-        return FREE;
-    if (!trace->region || (isfinite(wish) && tip.z - wish <= lift))
+    if (!trace->region || (lift >= 0 && isfinite(wish) && tip.z - wish <= lift))
         return TOUCH;
-    if (contact->facet < 0 || tip.z - contact->z > trace->chord_mm)
-        return FREE;
-    if (pass->needed && !(pass->needed[contact->facet] < pass->below))
-        return FREE;
-    SegVec3 normal = trace->region->facets[contact->facet].normal;
-    return touches(trace->body.cutter, tip, contact->point, normal) ? TOUCH : ROLL;
+    if (lift >= 0 && region->triangle >= 0 && tip.z - region->z <= trace->chord_mm) {
+        if (pass->needed && !(pass->needed[region->triangle] < pass->below))
+            return FREE;
+        SegVec3 normal = trace->region->facets[region->triangle].normal;
+        return touches(trace->body.cutter, tip, region->point, normal, ROLL_COS) ? TOUCH : ROLL;
+    }
+    bool coarse = !pass->needed || isinf(pass->below);
+    return coarse && part->triangle >= 0 && is_overlap(trace, tip, part->point) ? TOUCH : FREE;
 }
 
 /*
@@ -139,11 +175,8 @@ static void lay(const NcTrace *trace, const NcPass *passes, NcLocate locate, con
                 Middle *middles, size_t n)
 {
     g_autofree double *x = g_new(double, n + 1), *y = g_new(double, n + 1);
-    g_autofree double *z = g_new(double, n + 1), *wish = g_new(double, n + 1);
-    g_autofree double *region_z = g_new0(double, n + 1);
-    g_autofree int32_t *facet = g_new0(int32_t, n + 1);
-    g_autofree SegVec3 *point = g_new0(SegVec3, n + 1);
-    g_autofree double *lift = g_new(double, n + 1);
+    g_autofree double *wish = g_new(double, n + 1), *lift = g_new(double, n + 1);
+    Drops part = drops_new(n), region = drops_new(n);
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++) {
         SegVec3 tip = {0, 0, -INFINITY};
@@ -153,17 +186,22 @@ static void lay(const NcTrace *trace, const NcPass *passes, NcLocate locate, con
         wish[i] = tip.z;
     }
     NcCutter cutter = trace->body.cutter;
-    nc_drop_batch(trace->terrain, cutter, n, x, y, z, NULL, NULL);
+    nc_drop_batch(trace->terrain, cutter, n, x, y, part.z, part.triangle, part.point);
     if (trace->region)
-        nc_drop_batch(trace->region->terrain, cutter, n, x, y, region_z, facet, point);
+        nc_drop_batch(trace->region->terrain, cutter, n, x, y, region.z, region.triangle,
+                      region.point);
 #pragma omp parallel for schedule(dynamic, 64)
     for (size_t i = 0; i < n; i++) {
         Point *p = &middles[i].point;
-        Contact contact = {region_z[i], facet[i], point[i]};
-        p->tip = seg_vec3(x[i], y[i], fmax(z[i], wish[i]));
-        p->state = state_of(trace, &passes[middles[i].pass], p->tip, wish[i], lift[i], &contact);
+        Contact on_part = {part.z[i], part.triangle[i], part.point[i]};
+        Contact on_region = {region.z[i], region.triangle[i], region.point[i]};
+        p->tip = seg_vec3(x[i], y[i], fmax(part.z[i], wish[i]));
+        p->state = state_of(trace, &passes[middles[i].pass], p->tip, wish[i], lift[i], &on_part,
+                            &on_region);
         p->open = true;
     }
+    drops_clear(&part);
+    drops_clear(&region);
 }
 
 /* ---------------------------------------------------------------------- refining */
@@ -257,20 +295,16 @@ static bool refine(const NcTrace *trace, const NcPass *passes, NcLocate locate, 
 
 /* ------------------------------------------------------------------ cutting out */
 
-static void add_piece(const NcTrace *trace, const Point *p, guint n, guint from, guint to,
-                      size_t pass, GArray *pieces)
+/* Finer passes end among coarser ones: they run on by the overlap. */
+static void add_piece(const NcTrace *trace, const NcPass *pass, const Point *p, guint n, guint from,
+                      guint to, size_t index, GArray *pieces)
 {
-    double left = trace->overlap_mm;
-    while (from > 0 && left > 0 && p[from - 1].state != BLOCKED) {
+    double more = pass->needed && isfinite(pass->below) ? trace->overlap_mm : 0;
+    for (double left = more; from > 0 && left > 0 && p[from - 1].state != BLOCKED; from--)
         left -= seg_distance(p[from].tip, p[from - 1].tip);
-        from--;
-    }
-    left = trace->overlap_mm;
-    while (to + 1 < n && left > 0 && p[to + 1].state != BLOCKED) {
+    for (double left = more; to + 1 < n && left > 0 && p[to + 1].state != BLOCKED; to++)
         left -= seg_distance(p[to].tip, p[to + 1].tip);
-        to++;
-    }
-    NcPiece piece = {.n = to - from + 1, .pass = pass};
+    NcPiece piece = {.n = to - from + 1, .pass = index};
     piece.tips = g_new(SegVec3, piece.n);
     for (guint i = from; i <= to; i++)
         piece.tips[i - from] = p[i].tip;
@@ -279,7 +313,8 @@ static void add_piece(const NcTrace *trace, const Point *p, guint n, guint from,
 
 /* Runs of touching points; rolls around edges between two of them, and short gaps, are cut
  * through. */
-static void cut_out(const NcTrace *trace, GArray *points, size_t pass, GArray *pieces)
+static void cut_out(const NcTrace *trace, const NcPass *pass, GArray *points, size_t index,
+                    GArray *pieces)
 {
     const Point *p = (const Point *)points->data;
     guint n = points->len;
@@ -300,7 +335,7 @@ static void cut_out(const NcTrace *trace, GArray *points, size_t pass, GArray *p
                 rolls = true;
             }
         }
-        add_piece(trace, p, n, i, last, pass, pieces);
+        add_piece(trace, pass, p, n, i, last, index, pieces);
         i = last;
     }
 }

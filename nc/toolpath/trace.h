@@ -16,7 +16,7 @@ typedef struct {
     double floor_mm;   /* lowest tip of the grown cutter */
     double chord_mm;   /* share of the budget, gouge and excess alike */
     double touch_mm;   /* on ground, a contact lifted by no more still counts as touched */
-    double overlap_mm; /* beyond the region's border, along the pass */
+    double overlap_mm; /* beyond the region's border, where the surface goes on */
     double bridge_mm;  /* gaps in a pass that are cut through rather than left */
 } NcTrace;
 
