@@ -157,9 +157,9 @@ static State state_of(const NcTrace *trace, const NcPass *pass, SegVec3 tip, dou
         return BLOCKED;
     if (!trace->region || (lift >= 0 && isfinite(wish) && tip.z - wish <= lift))
         return TOUCH;
-    if (lift >= 0 && region->triangle >= 0 && tip.z - region->z <= trace->chord_mm) {
-        if (pass->needed && !(pass->needed[region->triangle] < pass->below))
-            return FREE;
+    if (region->triangle >= 0 && tip.z - region->z <= trace->chord_mm) {
+        if (lift < 0 || (pass->needed && !(pass->needed[region->triangle] < pass->below)))
+            return FREE; /* other passes cut that */
         SegVec3 normal = trace->region->facets[region->triangle].normal;
         return touches(trace->body.cutter, tip, region->point, normal, ROLL_COS) ? TOUCH : ROLL;
     }
