@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/plan/technology.h"
 
+#include <stdlib.h>
+
 #include "nc/toolpath/stepover.h"
 
 #define PLUNGE 0.4
@@ -15,6 +17,10 @@
 /* Tools are compared by about so many samples of a region. */
 #define TRIAL_SAMPLES 1500
 
+/* The share of a region whose step-over is narrower than what its passes are spaced by. */
+#define NARROWEST 0.1
+
+static int compare_doubles(const void *a, const void *b);
 static NcReach reach_of(const NcPlanner *planner, const NcRegion *region, const CfgTool *tool,
                         size_t stride, uint8_t *reached);
 
@@ -39,11 +45,11 @@ typedef struct {
     double left_mm2;  /* not reached because of the tool */
     double floor_mm2; /* not reached because the tip would go below the part */
     double time_s;    /* of its passes */
-    bool suits;       /* its kind and its corner do */
+    bool suits;       /* its kind does */
+    bool fits;        /* its corner is not larger than the smallest concave radius */
 } Trial;
 
-/* A flat end leaves steps on ground that is neither level nor a wall; a corner wider than the
- * smallest concave radius leaves the valley. */
+/* A flat end leaves steps on ground that is neither level nor a wall. */
 static bool suits_form(const CfgTool *tool, const NcRegion *region, const uint8_t *reached)
 {
     if (tool->kind != CFG_TOOL_FLAT)
@@ -66,6 +72,7 @@ static Trial try_tool(const NcPlanner *planner, const NcRegion *region, const Cf
     trial.left_mm2 = nc_reach_unreachable_mm2(&trial.reach) - trial.floor_mm2;
     trial.time_s = nc_technology_time_s(planner, region, tool, reached);
     trial.suits = suits_form(tool, region, reached);
+    trial.fits = nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + 1e-6);
     return trial;
 }
 
@@ -95,22 +102,28 @@ static double excess_of(const Trial *trials, guint n, guint tool, double area_mm
            fmax(trials[tool].floor_mm2 - floor_mm2 - NC_SUITS_FLOOR * area_mm2, 0);
 }
 
-/* The tool with the least excess, of these the fastest, of these the widest. */
+/* Is tool i to be preferred: less excess; then a corner that fits the valleys (what a wider one
+ * leaves of them is no more than a tool that suits may leave); then less time; then width? */
+static bool is_better(GPtrArray *tools, const Trial *trials, const double *excess, guint i,
+                      guint best)
+{
+    const CfgTool *tool = tools->pdata[i], *other = tools->pdata[best];
+    if (excess[i] != excess[best])
+        return excess[i] < excess[best];
+    if (trials[i].fits != trials[best].fits)
+        return trials[i].fits;
+    if (fabs(trials[i].time_s - trials[best].time_s) > 1e-9 * trials[best].time_s)
+        return trials[i].time_s < trials[best].time_s;
+    return tool->diameter_mm > other->diameter_mm;
+}
+
 static const CfgTool *best_of(GPtrArray *tools, const Trial *trials, const double *excess)
 {
     guint best = tools->len;
-    for (guint i = 0; i < tools->len; i++) {
-        if (isinf(trials[i].time_s))
-            continue;
-        bool less = best == tools->len || excess[i] < excess[best];
-        if (!less && excess[i] == excess[best]) {
-            double time_s = trials[i].time_s, least = trials[best].time_s;
-            const CfgTool *tool = tools->pdata[i], *other = tools->pdata[best];
-            bool equal = fabs(time_s - least) <= 1e-9 * least;
-            less = equal ? tool->diameter_mm > other->diameter_mm : time_s < least;
-        }
-        best = less ? i : best;
-    }
+    for (guint i = 0; i < tools->len; i++)
+        if (isfinite(trials[i].time_s) &&
+            (best == tools->len || is_better(tools, trials, excess, i, best)))
+            best = i;
     return best < tools->len ? tools->pdata[best] : tools->pdata[0];
 }
 
@@ -149,8 +162,9 @@ double nc_technology_time_s(const NcPlanner *planner, const NcRegion *region, co
                             const uint8_t *reached)
 {
     NcCutter cutter = nc_cutter(tool);
-    double scallop = planner->input->recipe->scallop_mm, length = 0;
-    bool any = false;
+    double scallop = planner->input->recipe->scallop_mm, area = 0;
+    g_autofree double *steps = g_new(double, region->n_samples + 1);
+    size_t n_steps = 0;
     for (size_t i = 0; i < region->n_samples; i++) {
         if (!reached[i])
             continue;
@@ -159,15 +173,26 @@ double nc_technology_time_s(const NcPlanner *planner, const NcRegion *region, co
         double slope = hypot(n.x, n.y);
         SegVec3 up =
             slope > 0 ? seg_vec3(-n.x * n.z / slope, -n.y * n.z / slope, slope) : seg_vec3(1, 0, 0);
-        double step = nc_contact_step_mm(cutter, scallop, tool->max_depth_of_cut_mm, n,
-                                         nc_bend_along(&facet->bend, up), up);
-        length += region->samples[i].area_mm2 / fmax(step, 1e-6);
-        any = true;
+        steps[n_steps++] = nc_contact_step_mm(cutter, scallop, tool->max_depth_of_cut_mm, n,
+                                              nc_bend_along(&facet->bend, up), up);
+        area += region->samples[i].area_mm2;
     }
+    if (n_steps == 0)
+        return INFINITY;
+    /* A pass is as close to the next as its narrowest place asks, which is what a bull pays for on
+     * ground that is level here and slanting there. */
+    qsort(steps, n_steps, sizeof *steps, compare_doubles);
+    double length = area / fmax(steps[(size_t)(NARROWEST * (double)n_steps)], 1e-6);
     /* Without cutting data, which is an error for the tool that is taken, lengths are compared. */
     NcOperation operation = {.tool = tool};
     bool known = nc_technology_cutting(planner, NULL, &operation, NULL);
-    return any ? 60 * length / (known ? operation.feed_mm_min : 1) : INFINITY;
+    return 60 * length / (known ? operation.feed_mm_min : 1);
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
 }
 
 /* ------------------------------------------------------------------------ cutting */

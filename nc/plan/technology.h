@@ -12,10 +12,11 @@
 #define NC_SUITS_FLOOR 0.1
 
 /*
- * The tool for a region: of the tools that suit it by their reach and their form (flat ends only
- * where the ground is level or a wall; corners not larger than the smallest concave radius, where
- * there are such), the one that finishes it soonest: step-over for the scallop height times feed.
- * Of one kind of tool that is the largest. The first of the table where no tool reaches anything.
+ * The tool for a region: of the tools that suit it by their reach and their kind (flat ends only
+ * where the ground is level or a wall), and whose corner is not larger than the smallest concave
+ * radius where there are such, the one that finishes it soonest: step-over for the scallop height
+ * times feed. Of one kind of tool that is the largest. The first of the table where no tool reaches
+ * anything.
  */
 const CfgTool *nc_technology_tool(const NcPlanner *planner, const NcRegion *region);
 
