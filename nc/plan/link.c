@@ -2,6 +2,8 @@
 #include "nc/plan/link.h"
 
 #define RESOLUTION_MM 0.05
+/* Moves of a lead's quarter circle. */
+#define LEAD_MOVES 6
 #define RAISES 8
 /* A way along the surface may be longer than the straight one by this factor, plus the radius. */
 #define DETOUR 3
@@ -14,13 +16,24 @@ typedef struct {
     GArray *out; /* NcLocation */
 } Way;
 
+/* A way between two pieces. */
 typedef struct {
     SegVec3 from, to;
     const NcPiece *surface; /* the way along the surface, NULL: lift */
 } Join;
 
+/* From the air to the end of a piece: a quarter circle that ends in the piece's own direction, or
+ * nothing where that would touch the part: then the tool comes straight down. */
+typedef struct {
+    SegVec3 tips[LEAD_MOVES + 1]; /* the last is the piece's */
+    int n;
+} Lead;
+
 static void join_along_surface(const NcLinker *linker, Join *joins, size_t n, GArray **pieces);
-static void lift(Way *way, SegVec3 from, SegVec3 to);
+static Lead lead_to(const Way *way, const NcPiece *piece, bool start);
+static void lead_in(Way *way, const Lead *lead, double z);
+static void lead_out(Way *way, const Lead *lead, double z);
+static void lift(Way *way, const Lead *out, const Lead *in);
 
 static double safe_z(const Way *way, SegVec3 tip)
 {
@@ -65,26 +78,27 @@ NcToolpath nc_link(const NcLinker *linker, const GArray *pieces)
     GArray *surfaces;
     join_along_surface(linker, joins, n - 1, &surfaces);
 
-    SegVec3 start = p[0].tips[0], end = p[n - 1].tips[p[n - 1].n - 1];
-    go_at(&way, start, top, NC_RAPID);
-    go_at(&way, start, fmin(safe_z(&way, start), top), NC_RAPID);
-    go(&way, start, NC_LEAD);
+    Lead in = lead_to(&way, &p[0], true);
+    go_at(&way, in.tips[0], top, NC_RAPID);
+    lead_in(&way, &in, top);
     for (size_t i = 0; i < n; i++) {
         for (size_t k = 1; k < p[i].n; k++)
             go(&way, p[i].tips[k], NC_CUT);
-        if (i + 1 == n)
-            break;
         const NcPiece *surface = joins[i].surface;
-        if (!surface) {
-            lift(&way, joins[i].from, joins[i].to);
+        if (i + 1 < n && surface) {
+            for (size_t k = 1; k + 1 < surface->n; k++)
+                go(&way, surface->tips[k], NC_LINK);
+            go(&way, joins[i].to, NC_LINK);
             continue;
         }
-        for (size_t k = 1; k + 1 < surface->n; k++)
-            go(&way, surface->tips[k], NC_LINK);
-        go(&way, joins[i].to, NC_LINK);
+        Lead out = lead_to(&way, &p[i], false);
+        if (i + 1 < n) {
+            in = lead_to(&way, &p[i + 1], true);
+            lift(&way, &out, &in);
+        } else {
+            lead_out(&way, &out, top);
+        }
     }
-    go_at(&way, end, fmin(safe_z(&way, end), top), NC_LEAD);
-    go_at(&way, end, top, NC_RAPID);
     nc_pieces_free(surfaces);
     return (NcToolpath){way.out};
 }
@@ -157,16 +171,66 @@ static double clear_height(const Way *way, SegVec3 from, SegVec3 to, double z, d
     return top;
 }
 
-static void lift(Way *way, SegVec3 from, SegVec3 to)
+static void lift(Way *way, const Lead *out, const Lead *in)
 {
     double top = way->linker->clearance_mm - way->linker->trace->body.leave_mm;
-    double up = fmin(safe_z(way, from), top), down = fmin(safe_z(way, to), top);
-    double z = clear_height(way, from, to, fmax(up, down), top);
-    go_at(way, from, up, NC_LEAD);
-    if (z > up)
-        go_at(way, from, z, NC_RAPID);
+    SegVec3 from = out->tips[0], to = in->tips[0];
+    double high = fmax(safe_z(way, from), safe_z(way, to));
+    double z = clear_height(way, from, to, fmin(high, top), top);
+    lead_out(way, out, z);
     go_at(way, to, z, NC_RAPID);
-    if (down < z)
-        go_at(way, to, down, NC_RAPID);
-    go(way, to, NC_LEAD);
+    lead_in(way, in, z);
+}
+
+/* ----------------------------------------------------------------------- leads */
+
+/* Clear of the part, with shank and holder? */
+static bool is_clear(const NcTrace *trace, const Lead *lead)
+{
+    for (int i = 0; i < lead->n; i++)
+        if (!nc_sweep_clear(trace->terrain, trace->body.cutter, lead->tips[i], lead->tips[i + 1],
+                            trace->chord_mm) ||
+            !nc_body_clear(trace->terrain, &trace->body, lead->tips[i]))
+            return false;
+    return true;
+}
+
+static Lead lead_to(const Way *way, const NcPiece *piece, bool start)
+{
+    const NcTrace *trace = way->linker->trace;
+    SegVec3 end = piece->tips[start ? 0 : piece->n - 1];
+    Lead straight = {.tips = {end}, .n = 0}, lead = {.n = LEAD_MOVES};
+    if (piece->n < 2)
+        return straight;
+    SegVec3 back = seg_unit(seg_sub(end, piece->tips[start ? 1 : piece->n - 2]));
+    double level = hypot(back.x, back.y), radius = way->linker->allowance_mm + NC_SAFETY_MM;
+    if (level < 0.5) /* up or down a wall: the straight way is its direction */
+        return straight;
+    SegVec3 up = seg_vec3(-back.x * back.z / level, -back.y * back.z / level, level);
+    for (int i = 0; i <= LEAD_MOVES; i++) {
+        double angle = G_PI / 2 * (LEAD_MOVES - i) / LEAD_MOVES;
+        SegVec3 tip = seg_along(end, back, radius * sin(angle));
+        lead.tips[i] = seg_along(tip, up, radius * (1 - cos(angle)));
+    }
+    return is_clear(trace, &lead) ? lead : straight;
+}
+
+/* Down to the lead by rapid as far as that is safe, from height z. */
+static void lead_in(Way *way, const Lead *lead, double z)
+{
+    double safe = fmin(safe_z(way, lead->tips[0]), z);
+    if (safe < z)
+        go_at(way, lead->tips[0], safe, NC_RAPID);
+    for (int i = 0; i <= lead->n; i++)
+        go(way, lead->tips[i], NC_LEAD);
+}
+
+static void lead_out(Way *way, const Lead *lead, double z)
+{
+    for (int i = lead->n - 1; i >= 0; i--)
+        go(way, lead->tips[i], NC_LEAD);
+    double safe = fmin(safe_z(way, lead->tips[0]), z);
+    go_at(way, lead->tips[0], safe, NC_LEAD);
+    if (z > safe)
+        go_at(way, lead->tips[0], z, NC_RAPID);
 }

@@ -16,7 +16,8 @@ typedef struct {
 
 /*
  * Joins ordered pieces into one toolpath, from clearance to clearance: down by rapid as far as the
- * stock allows, on by a lead; to a near piece along the surface at feed, to any other over the
+ * stock allows, on by a lead, a quarter circle into the direction of cutting where there is room
+ * for it, else straight down; to a near piece along the surface at feed, to any other over the
  * least height that is clear for tool and holder. Locations are the tips of the tool itself.
  */
 NcToolpath nc_link(const NcLinker *linker, const GArray *pieces);

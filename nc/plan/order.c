@@ -1,11 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/plan/order.h"
 
+#include <string.h>
+
 /* 2-opt looks this far ahead, and goes through the whole order at most so often. */
 #define WINDOW 40
 #define ROUNDS 8
-/* The search for the nearest end looks among so many pieces in order of passes before it takes
- * all: neighbours lie in neighbouring passes. */
+/* The nearest end is looked for among so many pieces that are left, in order of passes: neighbours
+ * lie in neighbouring passes. */
+#define LEFT 4000
+
 typedef struct {
     double reach, lift;
 } Cost;
@@ -42,7 +46,7 @@ static void nearest_neighbour(GArray *pieces, bool one_way, const Cost *cost)
         guint best = i + 1;
         bool turned = false;
         double least = INFINITY;
-        for (guint j = i + 1; j < pieces->len; j++) {
+        for (guint j = i + 1; j < MIN(pieces->len, i + LEFT); j++) {
             double forth = way(cost, last(&p[i]), first(&p[j]));
             double back = one_way ? INFINITY : way(cost, last(&p[i]), last(&p[j]));
             if (fmin(forth, back) < least) {
@@ -54,7 +58,7 @@ static void nearest_neighbour(GArray *pieces, bool one_way, const Cost *cost)
         NcPiece taken = p[best];
         if (turned)
             turn(&taken);
-        p[best] = p[i + 1];
+        memmove(&p[i + 2], &p[i + 1], (best - i - 1) * sizeof *p);
         p[i + 1] = taken;
     }
 }

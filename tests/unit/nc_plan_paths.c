@@ -322,13 +322,23 @@ static void shape_of_path(void)
     g_assert_cmpint(l[n - 1].motion, ==, NC_RAPID);
     test_near(l[n - 1].tip.z, plan->clearance_mm, 1e-9, 0);
     double cut = 0, air = 0;
+    int tangent = 0, pieces = 0;
     for (guint i = 1; i < n; i++) {
+        /* A lead that ends in the direction of the first cut. */
+        if (i + 1 < n && l[i].motion == NC_LEAD && l[i + 1].motion == NC_CUT) {
+            SegVec3 in = seg_unit(seg_sub(l[i].tip, l[i - 1].tip));
+            SegVec3 on = seg_unit(seg_sub(l[i + 1].tip, l[i].tip));
+            tangent += seg_dot(in, on) > 0.9;
+            pieces++;
+        }
         *(l[i].motion == NC_CUT ? &cut : &air) += seg_distance(l[i - 1].tip, l[i].tip);
         /* Steel never follows a rapid at once. */
         if (l[i].motion == NC_CUT)
             g_assert_cmpint(l[i - 1].motion, !=, NC_RAPID);
         g_assert_cmpfloat(l[i].tip.z, <=, plan->clearance_mm + 1e-9);
     }
+    g_assert_cmpint(pieces, >, 10);
+    g_assert_cmpint(tangent, >, pieces * 3 / 4);
     test_near(o->length_mm, cut, 1e-6, 0);
     test_near(o->air_mm, air, 1e-6, 0);
     g_assert_cmpfloat(plan->clearance_mm, >=, c->recipe->allowance_mm + c->recipe->clearance_mm);
