@@ -53,7 +53,7 @@ typedef struct {
 static bool suits_form(const CfgTool *tool, const NcRegion *region, const uint8_t *reached)
 {
     if (tool->kind != CFG_TOOL_FLAT)
-        return nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + SAMPLED);
+        return true;
     double slanting = 0, all = 0;
     for (size_t i = 0; i < region->n_samples; i++) {
         double up = region->samples[i].normal.z;
@@ -72,7 +72,7 @@ static Trial try_tool(const NcPlanner *planner, const NcRegion *region, const Cf
     trial.left_mm2 = nc_reach_unreachable_mm2(&trial.reach) - trial.floor_mm2;
     trial.time_s = nc_technology_time_s(planner, region, tool, reached);
     trial.suits = suits_form(tool, region, reached);
-    trial.fits = nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + 1e-6);
+    trial.fits = nc_cutter(tool).corner_radius_mm <= region->min_concave_radius_mm * (1 + SAMPLED);
     return trial;
 }
 
