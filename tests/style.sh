@@ -13,7 +13,7 @@ complain() {
 
 mapfile -t sources < <(git ls-files -co --exclude-standard '*.c' '*.h' '*.cc')
 mapfile -t texts < <(git ls-files -co --exclude-standard '*.c' '*.h' '*.cc' '*.sh' '*.mk' '*.py' \
-    '*.ini' tests/rooms.txt Makefile .ci/run)
+    '*.ini' '*.md' '*.json' tests/rooms.txt Makefile .ci/run .clang-format .gitignore)
 
 clang-format --dry-run --Werror "${sources[@]}" 2>/tmp/style.$$ ||
     { sed -n 's/^\([^:]*:[0-9]*\):.*/style: not formatted: \1/p' /tmp/style.$$ >&2; bad=1; }
@@ -22,7 +22,7 @@ rm -f /tmp/style.$$
 for f in "${texts[@]}"; do
     lines=$(wc -l <"$f")
     [ "$lines" -le 600 ] || complain "$f has $lines lines; a file has one job and at most 600"
-    head -n 2 "$f" | grep -q 'SPDX-License-Identifier: Apache-2.0' ||
+    head -n 3 "$f" | grep -q 'SPDX-License-Identifier: Apache-2.0' ||
         complain "$f: no SPDX line at the top"
 done
 
