@@ -14,6 +14,9 @@
 /* Radii are sampled on the surfaces: a corner as wide as the fillet fits it. */
 #define SAMPLED 1e-3
 
+/* Rates that differ by no more are the same. */
+#define SAME_RATE 0.01
+
 /* Tools are compared by about so many samples of a region. */
 #define TRIAL_SAMPLES 1500
 
@@ -102,8 +105,15 @@ static double excess_of(const Trial *trials, guint n, guint tool, double area_mm
            fmax(trials[tool].floor_mm2 - floor_mm2 - NC_SUITS_FLOOR * area_mm2, 0);
 }
 
+/* Time for the area that is reached. */
+static double rate_of(const Trial *trial)
+{
+    return trial->time_s / (trial->reach.requested_mm2 - trial->left_mm2 - trial->floor_mm2);
+}
+
 /* Is tool i to be preferred: less excess; then a corner that fits the valleys (what a wider one
- * leaves of them is no more than a tool that suits may leave); then less time; then width? */
+ * leaves of them is no more than a tool that suits may leave); then less time, if the difference is
+ * worth the name; then width? */
 static bool is_better(GPtrArray *tools, const Trial *trials, const double *excess, guint i,
                       guint best)
 {
@@ -112,8 +122,9 @@ static bool is_better(GPtrArray *tools, const Trial *trials, const double *exces
         return excess[i] < excess[best];
     if (trials[i].fits != trials[best].fits)
         return trials[i].fits;
-    if (fabs(trials[i].time_s - trials[best].time_s) > 1e-9 * trials[best].time_s)
-        return trials[i].time_s < trials[best].time_s;
+    double rate = rate_of(&trials[i]), least = rate_of(&trials[best]);
+    if (fabs(rate - least) > SAME_RATE * least)
+        return rate < least;
     return tool->diameter_mm > other->diameter_mm;
 }
 

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Time and result of planning a part with the shipped tools: plan FILE [key=value …]; without a
- * file, a wavy body of 60 × 60 mm. */
+ * file, a wavy body of 60 × 60 mm and the piece of P0. */
 #include <stdio.h>
 
 #include "tests/lib/plan_case.h"
+#include "tests/lib/test.h"
 
 static double wave_mm(double x, double y)
 {
@@ -31,26 +32,34 @@ static void print_plan(const char *name, const NcPlan *plan, double seconds)
         printf("  note: %s\n", (char *)plan->notes->pdata[i]);
 }
 
+/* Plan and baseline of one part, which may be NULL with the error set. */
+static void measure(const char *name, PlanCase *c, GError **error)
+{
+    if (!c)
+        return;
+    printf("%s: %d faces, %d triangles\n", name, c->part->n_faces, c->part->n_triangles);
+    for (int k = 0; k < 2 && !*error; k++) {
+        gint64 start = g_get_monotonic_time();
+        g_autoptr(NcPlan) plan =
+            k == 0 ? nc_plan_new(&c->input, error) : nc_plan_baseline(&c->input, error);
+        if (plan)
+            print_plan(k == 0 ? "plan" : "baseline", plan,
+                       (double)(g_get_monotonic_time() - start) / 1e6);
+    }
+    plan_case_free(c);
+}
+
 int main(int argc, char **argv)
 {
     g_autoptr(GError) error = NULL;
-    gint64 start = g_get_monotonic_time();
-    char *const *set = argc > 2 ? argv + 2 : NULL;
-    g_autoptr(PlanCase) c =
-        argc > 1 ? plan_case_load(argv[1], set, &error)
-                 : plan_case_new(plan_case_height_field(60, 100, 0, wave_mm), NULL, &error);
-    if (c) {
-        printf("%s: %d faces, %d triangles in %.2f s\n", argc > 1 ? argv[1] : "wave",
-               c->part->n_faces, c->part->n_triangles,
-               (double)(g_get_monotonic_time() - start) / 1e6);
-        for (int k = 0; k < 2 && !error; k++) {
-            start = g_get_monotonic_time();
-            g_autoptr(NcPlan) plan =
-                k == 0 ? nc_plan_new(&c->input, &error) : nc_plan_baseline(&c->input, &error);
-            if (plan)
-                print_plan(k == 0 ? "plan" : "baseline", plan,
-                           (double)(g_get_monotonic_time() - start) / 1e6);
-        }
+    if (argc > 1) {
+        measure(argv[1], plan_case_load(argv[1], argc > 2 ? argv + 2 : NULL, &error), &error);
+    } else {
+        g_autofree char *piece = test_program("parts/p0_piece.igs");
+        measure("wave", plan_case_new(plan_case_height_field(60, 100, 0, wave_mm), NULL, &error),
+                &error);
+        if (!error && g_file_test(piece, G_FILE_TEST_EXISTS))
+            measure(piece, plan_case_load(piece, NULL, &error), &error);
     }
     if (error)
         fprintf(stderr, "%s\n", error->message);

@@ -12,8 +12,10 @@ static void plan_part(const char *path, char *const *set, double left)
     g_autoptr(GError) error = NULL;
     g_autoptr(PlanCase) c = plan_case_load(path, set, &error);
     g_assert_no_error(error);
+    g_test_timer_start();
     g_autoptr(NcPlan) plan = c ? nc_plan_new(&c->input, &error) : NULL;
     g_assert_no_error(error);
+    g_assert_cmpfloat(g_test_timer_elapsed(), <, 60); /* ten times what the piece of P0 takes */
     if (!plan) {
         g_test_fail();
         return;
