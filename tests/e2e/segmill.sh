@@ -50,6 +50,15 @@ ok "segment the P0 piece" says 0 'local' "$segmill" segment "$part" -o "$dir/p0"
 ok "its files" all_there "$dir/p0" regions.json regions.png regions.obj local.igs rest.igs
 ok "regions.json is valid" valid regions "$dir/p0/regions.json"
 ok "nothing is left beside" clean "$dir/p0"
+# Open CASCADE reads both files back: the same number of faces, and their area to 1e-6.
+same_faces_and_area() { # same_faces_and_area PART FOLDER
+    local judge=${BUILD:-build}/judges/occ_judge
+    { "$judge" --total "$1" && "$judge" --total "$2/local.igs" && "$judge" --total "$2/rest.igs"; } |
+        awk '{ n[NR] = $1; a[NR] = $2; print }
+             END { d = a[2] + a[3] - a[1]; d = d < 0 ? -d : d
+                   exit !(NR == 3 && n[2] + n[3] == n[1] && n[2] > 0 && d <= 1e-6 * a[1]) }'
+}
+ok "the two IGES files hold the part" same_faces_and_area "$part" "$dir/p0"
 ok "all faces are there once" python3 tests/e2e/regions.py "$dir/p0"
 ok "segment --json" json 0 "$segmill" segment "$part" -o "$dir/again" --json
 ok "twice the same bytes" diff -r "$dir/p0" "$dir/again"
@@ -57,6 +66,9 @@ OMP_NUM_THREADS=1 "$segmill" segment "$part" -o "$dir/one" >/dev/null 2>&1
 ok "one thread, the same bytes" diff -r "$dir/p0" "$dir/one"
 ok "segment by none" says 0 'part' "$segmill" segment "$part" --method none -o "$dir/whole"
 ok "no IGES by none" test ! -e "$dir/whole/local.igs" -a ! -e "$dir/whole/rest.igs"
+impeller=${BUILD:-build}/parts/impeller.igs
+ok "segment an impeller" says 0 'local' "$segmill" segment "$impeller" -o "$dir/impeller"
+ok "its two IGES files hold it" same_faces_and_area "$impeller" "$dir/impeller"
 ok "a face made local by hand" says 0 'local' \
     "$segmill" segment "$part" --set local_ratio=0 --set local_faces=0 -o "$dir/by-hand"
 ok "a mesh by feature size is refused" fails 3 'method none' \
