@@ -203,9 +203,9 @@ static int compare_by_x(const void *a, const void *b)
 static void add_touching(const SegPart *part, double tolerance_mm, GArray *free_edges,
                          GArray *pairs)
 {
-    if (!(tolerance_mm > 0))
-        return;
     guint n = free_edges->len;
+    if (!(tolerance_mm > 0) || n == 0)
+        return;
     g_autoptr(GArray) points = g_array_new(FALSE, FALSE, sizeof(SegVec3));
     g_autofree FreeEdge *edges = g_new(FreeEdge, n);
     for (guint i = 0; i < n; i++)
