@@ -46,6 +46,7 @@ check-mutants: all
 .PHONY: check-judges
 check-judges: all
 	$(Q)$(SUBMAKE) tests-built
+	$(Q)SEGMILL_JUDGE_EVERY=1 $(PROVE) -e '' $(BUILD)/tests/segcore_judge
 	$(Q)$(PROVE) -e bash tests/ci/*.sh
 
 .PHONY: soak
