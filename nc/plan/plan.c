@@ -274,7 +274,9 @@ static bool job_init(Job *job, const NcPlanner *planner, const SegRegion *from, 
 static GPtrArray *finer_tools(const Job *jobs, size_t n_jobs, const Job *job)
 {
     GPtrArray *tools = g_ptr_array_new();
-    bool may = job->from->kind == SEG_REGION_REST && !(job->wish && job->wish->tool != 0);
+    bool bound =
+        job->wish && (job->wish->tool != 0 || job->wish->strategy == CFG_STRATEGY_ISO_PARAMETRIC);
+    bool may = job->from->kind == SEG_REGION_REST && !bound;
     for (size_t i = 0; i < n_jobs && may; i++) {
         bool beside = false;
         for (size_t k = 0; k < job->from->n_neighbours; k++)

@@ -28,7 +28,7 @@ typedef struct {
  */
 NcCuts nc_iso_planar(const NcJob *job, double direction_rad);
 
-/* The direction that promises the least cutting and turning time, and that time. */
+/* The direction that promises the least time of cutting, and of turning at the ends of planes. */
 double nc_iso_planar_direction(const NcJob *job, double feed_mm_min, double turn_s);
 
 /*

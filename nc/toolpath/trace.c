@@ -235,9 +235,11 @@ static double off_chord(SegVec3 a, SegVec3 b, SegVec3 p)
     return seg_distance(p, seg_along(a, ab, fmin(fmax(s, 0), 1)));
 }
 
-static double level_distance(SegVec3 a, SegVec3 b)
+/* In the plane; along a line straight up a wall, in height. */
+static double apart(SegVec3 a, SegVec3 b)
 {
-    return hypot(b.x - a.x, b.y - a.y);
+    double level = hypot(b.x - a.x, b.y - a.y), rise = fabs(b.z - a.z);
+    return level > 0 || !isfinite(rise) ? level : rise;
 }
 
 /* Is the interval worth halving again? */
@@ -247,10 +249,8 @@ static bool is_open(const NcTrace *trace, const Point *a, const Point *b)
         return false;
     if (a->state == BLOCKED || b->state == BLOCKED)
         return (a->state == TOUCH || b->state == TOUCH) &&
-               level_distance(a->tip, b->tip) > nc_trace_pitch_mm(trace) / 8;
-    return level_distance(a->tip, b->tip) > SHORTEST * trace->chord_mm ||
-           (isfinite(a->tip.z) && isfinite(b->tip.z) && level_distance(a->tip, b->tip) <= 0 &&
-            fabs(a->tip.z - b->tip.z) > trace->chord_mm);
+               apart(a->tip, b->tip) > nc_trace_pitch_mm(trace) / 8;
+    return apart(a->tip, b->tip) > SHORTEST * trace->chord_mm;
 }
 
 /* Lays the middles of all open intervals; those that are off the chord stay open on both sides. */
