@@ -142,6 +142,10 @@ typedef struct {
     double unit_mm;  /* one unit of the file in mm; 1 where the file says nothing */
     char sha256[65]; /* of the file the part was read from, lower-case hex */
     char *path;      /* as given to seg_part_load; NULL when read from memory */
+    double *
+        /* Measured once by seg_part_load; NULL in a part from memory: */
+        double *areas_mm2; /* of the faces */
+    GArray *adjacency;     /* seg_part_adjacency within seg_part_touch_mm */
     int ref_count;
     GBytes *memory;
 } SegPart;
@@ -217,7 +221,8 @@ SegVec3 seg_curve_evaluate(const SegPart *part, const SegCurve *curve, double t,
 /* Length of the curve over [a, b], relative error 1e-10 where it is smooth (adaptive Gauss). */
 double seg_curve_length_mm(const SegPart *part, const SegCurve *curve, double a, double b);
 
-/* Area of a trimmed face by Green's theorem over its loops in (u,v), relative error 1e-7. */
+/* Area of a trimmed face by Green's theorem over its loops in (u,v), relative error 1e-7. Measured
+ * when a file is loaded, else here. */
 double seg_face_area_mm2(const SegPart *part, int32_t face);
 
 /* A closed polygon in (u,v). */
@@ -240,6 +245,9 @@ typedef struct {
     int32_t a, b;
 } SegFacePair;
 GArray *seg_part_adjacency(const SegPart *part, double tolerance_mm);
+
+/* The usual tolerance for that: 1e-4 of the part's size, at least 1e-3 mm. */
+double seg_part_touch_mm(const SegPart *part);
 
 /* ------------------------------------------------------------------ segmentation */
 

@@ -27,6 +27,16 @@ GArray *seg_part_adjacency(const SegPart *part, double tolerance_mm)
     return pairs;
 }
 
+double seg_part_touch_mm(const SegPart *part)
+{
+    SegBox box = SEG_BOX_EMPTY;
+    for (int32_t i = 0; i < part->n_edges; i++) {
+        seg_box_add(&box, part->edges[i].ends[0]);
+        seg_box_add(&box, part->edges[i].ends[1]);
+    }
+    return fmax(1e-3, 1e-4 * seg_box_diagonal(&box));
+}
+
 static int compare_pairs(const void *a, const void *b)
 {
     const SegFacePair *x = a, *y = b;

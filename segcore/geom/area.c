@@ -32,6 +32,8 @@ static double rough_area(const SegPart *part, const SegFace *face);
 
 double seg_face_area_mm2(const SegPart *part, int32_t face)
 {
+    if (part->areas_mm2)
+        return part->areas_mm2[face];
     const SegFace *f = &part->faces[face];
     const SegSurface *s = &f->surface;
     if (s->n_u == 0)

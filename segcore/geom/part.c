@@ -8,6 +8,7 @@ G_DEFINE_QUARK(seg_error, seg_error)
 
 typedef enum { FORMAT_UNKNOWN, FORMAT_CAD, FORMAT_MESH } Format;
 static Format format_of(const char *bytes, size_t length);
+static void measure(SegPart *part);
 static char *read_file(const char *path, size_t *length, GError **error);
 
 SegPart *seg_part_load(const char *path, const SegLoadOptions *options, GError **error)
@@ -34,9 +35,22 @@ SegPart *seg_part_load(const char *path, const SegLoadOptions *options, GError *
                     path);
         break;
     }
-    if (part)
+    if (part) {
         part->path = g_strdup(path);
+        measure(part);
+    }
     return part;
+}
+
+/* What every method asks for, and what does not depend on its parameters. */
+static void measure(SegPart *part)
+{
+    double *areas_mm2 = g_new(double, (size_t)part->n_faces);
+#pragma omp parallel for schedule(dynamic, 1)
+    for (int32_t i = 0; i < part->n_faces; i++)
+        areas_mm2[i] = seg_face_area_mm2(part, i);
+    part->areas_mm2 = areas_mm2;
+    part->adjacency = seg_part_adjacency(part, seg_part_touch_mm(part));
 }
 
 SegPart *seg_part_ref(SegPart *part)
@@ -51,6 +65,9 @@ void seg_part_unref(SegPart *part)
         return;
     g_bytes_unref(part->memory);
     g_free(part->path);
+    g_free(part->areas_mm2);
+    if (part->adjacency)
+        g_array_unref(part->adjacency);
     g_free(part);
 }
 

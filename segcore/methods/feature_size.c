@@ -185,7 +185,9 @@ static void make_regions(SegSegmentation *segmentation, const SegPart *part,
                          const SegFeatureSizeParams *params, const SegFaceMeasure *measures,
                          const SegClasses *classes, const bool *is_local)
 {
-    g_autoptr(GArray) adjacency = seg_part_adjacency(part, seg_adjacency_tolerance_mm(part));
+    g_autoptr(GArray) adjacency = part->adjacency
+                                      ? g_array_ref(part->adjacency)
+                                      : seg_part_adjacency(part, seg_part_touch_mm(part));
     Plan plan = plan_regions(part, params, measures, classes, is_local, adjacency);
     segmentation->n_regions = (size_t)plan.n;
     segmentation->regions = g_new0(SegRegion, segmentation->n_regions);

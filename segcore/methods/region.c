@@ -11,7 +11,7 @@ SegFaceMeasure *seg_measure_faces(const SegPart *part, const SegFeatureSizeParam
 {
     SegFaceMeasure *measures = g_new(SegFaceMeasure, (size_t)part->n_faces);
     double datum_mm = seg_datum_mm(part, params);
-#pragma omp parallel for schedule(dynamic, 8) if (part->n_faces > 32)
+#pragma omp parallel for schedule(dynamic, 1)
     for (int32_t i = 0; i < part->n_faces; i++) {
         if (part->faces[i].type == SEG_SURFACE_MESH)
             measures[i] = measure_mesh(part, &part->faces[i]);
@@ -108,14 +108,4 @@ void seg_regions_connect(SegRegion *regions, size_t n_regions, const GArray *adj
             if (i == from || all[i].b != all[i - 1].b)
                 region->neighbours[region->n_neighbours++] = regions[all[i].b].id;
     }
-}
-
-double seg_adjacency_tolerance_mm(const SegPart *part)
-{
-    SegBox box = SEG_BOX_EMPTY;
-    for (int32_t i = 0; i < part->n_edges; i++) {
-        seg_box_add(&box, part->edges[i].ends[0]);
-        seg_box_add(&box, part->edges[i].ends[1]);
-    }
-    return fmax(1e-3, 1e-4 * seg_box_diagonal(&box));
 }

@@ -44,8 +44,4 @@ void seg_region_fill(SegRegion *region, const SegPart *part, const SegFaceMeasur
 void seg_regions_connect(SegRegion *regions, size_t n_regions, const GArray *adjacency,
                          const int32_t *region_of);
 
-/* Distance within which free edges are one, for seg_part_adjacency: 1e-4 of the part's size, at
- * least 1e-3 mm. */
-double seg_adjacency_tolerance_mm(const SegPart *part);
-
 #endif
