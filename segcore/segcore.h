@@ -142,10 +142,9 @@ typedef struct {
     double unit_mm;  /* one unit of the file in mm; 1 where the file says nothing */
     char sha256[65]; /* of the file the part was read from, lower-case hex */
     char *path;      /* as given to seg_part_load; NULL when read from memory */
-    double *
-        /* Measured once by seg_part_load; NULL in a part from memory: */
-        double *areas_mm2; /* of the faces */
-    GArray *adjacency;     /* seg_part_adjacency within seg_part_touch_mm */
+    /* Measured once by seg_part_load; NULL in a part from memory: */
+    double *areas_mm2; /* of the faces */
+    GArray *adjacency; /* seg_part_adjacency within seg_part_touch_mm */
     int ref_count;
     GBytes *memory;
 } SegPart;
