@@ -15,7 +15,7 @@ static void ask_stop(AgentExecution *execution, FbCommand stop)
     AgentLink *link = execution->link;
     execution->stop = stop;
     link->done[FB_TASK_COMMAND] = false;
-    fb_session_command(link->session, stop);
+    fb_session_command(link->session, stop, NULL);
 }
 
 /* A stop may fail, or come to the machine before the START that is on its way over the other

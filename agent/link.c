@@ -32,8 +32,7 @@ AgentLink *agent_link_open(const AgentOptions *options, GError **error)
     if (!link->agent || !find_target(link, options->to, error))
         return NULL;
     FbSessionCallbacks callbacks = {on_status, on_done, link};
-    link->session = fb_session_new(link->target.address, link->target.unit_id, link->agent,
-                                   &callbacks, link->context, error);
+    link->session = fb_session_new(&link->target, link->agent, &callbacks, link->context, error);
     if (!link->session)
         return NULL;
     fb_session_set_token(link->session, agent_token());
@@ -174,6 +173,6 @@ void agent_link_cancel(AgentLink *link, GError *cause)
 bool agent_link_command(AgentLink *link, FbCommand command, GError **error)
 {
     link->done[FB_TASK_COMMAND] = false;
-    fb_session_command(link->session, command);
+    fb_session_command(link->session, command, NULL);
     return agent_link_wait(link, FB_TASK_COMMAND, error);
 }

@@ -16,8 +16,8 @@ typedef struct AgentLink {
     void (*status)(const FbStatus *status, void *data);
     void *data;
     bool seen; /* a status has come */
-    bool done[FB_TASK_COMMAND + 1];
-    GError *error[FB_TASK_COMMAND + 1];
+    bool done[FB_N_TASKS];
+    GError *error[FB_N_TASKS];
     bool cancelled; /* ends the wait; `cause` is its error */
     GError *cause;
 } AgentLink;

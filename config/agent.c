@@ -6,6 +6,9 @@
 #define AT(field) offsetof(CfgAgent, field)
 #define MACHINE(field) offsetof(CfgTarget, field)
 
+static const CfgChoice drips[] = {
+    {"auto", CFG_DRIP_AUTO}, {"never", CFG_DRIP_NEVER}, {"always", CFG_DRIP_ALWAYS}, {NULL, 0}};
+
 static const CfgKey keys[] = {
     {"link", "reply_timeout_s", CFG_REAL, "s", "1", 0.01, 60, AT(reply_timeout_s),
      .help = "No answer for this long: close, reconnect, read where the machine is."},
@@ -15,6 +18,13 @@ static const CfgKey keys[] = {
      .help = "A machine that is not reachable for this long is given up."},
     {"link", "heartbeat_s", CFG_REAL, "s", "0.5", 0.01, 60, AT(heartbeat_s),
      .help = "How often the machine's state is read, which also tells it that the agent lives."},
+    {"link", "window", CFG_INT, "", "8", 1, 16, AT(window),
+     .help = "Requests in flight on a connection, if the machine allows as many: what a slow line "
+             "needs to be filled."},
+    {"link", "drip", CFG_CHOICE, "", "auto", 0, 0, AT(drip),
+     .help = "Feed a program while it runs: only where it is larger than the machine's memory, "
+             "never, or always.",
+     .choices = drips},
     {"machine.*", "address", CFG_STRING, "", "modbus://127.0.0.1:1502", 0, 0, MACHINE(address),
      .help = "Where the machine listens, as modbus://host:port."},
     {"machine.*", "unit_id", CFG_INT, "", "1", 0, 255, MACHINE(unit_id),

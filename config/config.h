@@ -195,6 +195,9 @@ typedef struct {
     char *machine_file; /* its description; NULL: not known to the agent */
 } CfgTarget;
 
+/* Feeding a program while it runs, because the machine's memory cannot hold it. */
+typedef enum { CFG_DRIP_AUTO, CFG_DRIP_NEVER, CFG_DRIP_ALWAYS } CfgDrip;
+
 typedef struct {
     CfgTarget *machines;
     size_t n_machines;
@@ -202,6 +205,8 @@ typedef struct {
     double reconnect_s;     /* pause before a reconnect */
     double give_up_s; /* unreachable for this long: exit 4 before the start, 7 while running */
     double heartbeat_s;
+    int window; /* requests in flight, 1 … 16 */
+    CfgDrip drip;
 } CfgAgent;
 
 CfgAgent *cfg_agent_load(const char *path, GError **error);

@@ -14,6 +14,14 @@ static void advance(FbDelivery *d, int64_t now_us, FbActions *out);
 static void give_up(FbDelivery *d, FbActions *out);
 static int64_t wake_us(const FbDelivery *d);
 
+/* When this connection, or the attempt at one, is given up. */
+static int64_t patience_us(const FbDelivery *d)
+{
+    if (d->link == LINK_CONNECTING)
+        return d->deadline_us;
+    return d->n_flights > 0 ? d->flights[0].deadline_us : INT64_MAX;
+}
+
 void fb_delivery_step(FbDelivery *d, const FbEvent *event, int64_t now_us, FbActions *out)
 {
     *out = (FbActions){0};
@@ -28,7 +36,7 @@ void fb_delivery_step(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAct
         break_link(d, event->why, now_us, out);
         break;
     case FB_EVENT_TICK:
-        if (d->link != LINK_UP && d->link != LINK_DOWN && now_us >= d->deadline_us)
+        if (now_us >= patience_us(d))
             break_link(d, "no answer in time", now_us, out);
         break;
     }
@@ -46,10 +54,12 @@ void fb_delivery_step(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAct
 
 static int64_t wake_us(const FbDelivery *d)
 {
-    if (d->link != LINK_UP) {
-        const int64_t give_up_us = d->lost_us + d->options.give_up_us;
-        return d->busy && d->link == LINK_DOWN ? MIN(d->deadline_us, give_up_us) : d->deadline_us;
-    }
+    if (d->link == LINK_CONNECTING)
+        return d->deadline_us;
+    if (d->link == LINK_DOWN)
+        return d->busy ? MIN(d->deadline_us, d->lost_us + d->options.give_up_us) : d->deadline_us;
+    if (d->n_flights > 0)
+        return patience_us(d);
     const int64_t idle_us = d->leased ? MIN(d->poll_us, d->beat_us) : d->poll_us;
     return d->busy ? MIN(idle_us, d->again_us) : idle_us;
 }
@@ -59,12 +69,17 @@ static int64_t wake_us(const FbDelivery *d)
 static void send_request(FbDelivery *d, FbRequestKind kind, int64_t now_us, FbActions *out)
 {
     d->request.kind = kind;
-    if (kind == FB_REQUEST_STATUS || kind == FB_REQUEST_ALARM)
-        d->request.n = 0;
-    d->link = LINK_WAITING;
-    d->deadline_us = now_us + d->options.reply_timeout_us;
+    d->flights[d->n_flights++] = (FbFlight){kind, now_us + d->options.reply_timeout_us};
     d->poll_us = now_us + d->options.heartbeat_us;
     out->request = &d->request;
+}
+
+void fb_delivery_send_read(FbDelivery *d, FbRequestKind kind, unsigned page, int64_t now_us,
+                           FbActions *out)
+{
+    d->request.page = page;
+    d->request.n = 0;
+    send_request(d, kind, now_us, out);
 }
 
 static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions *out)
@@ -80,6 +95,8 @@ static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions
     d->status.state = FB_STATE_UNKNOWN;
     d->fresh = false;
     d->link = LINK_DOWN;
+    d->n_flights = 0;
+    d->go_back = false;
     d->deadline_us = now_us + d->options.reconnect_us;
     if (d->finishing)
         fb_task_end(d, out);
@@ -101,17 +118,32 @@ static void give_up(FbDelivery *d, FbActions *out)
 static bool show_now(const FbDelivery *d, const FbStatus *before, int64_t now_us)
 {
     const FbStatus *s = &d->status;
-    return d->request.kind != FB_REQUEST_CHUNK || s->state != before->state ||
+    return d->answered != FB_REQUEST_CHUNK || s->state != before->state ||
            s->transfer != before->transfer || now_us >= d->shown_us + SHOW_US;
 }
 
 static bool decode(FbDelivery *d, const FbEvent *event)
 {
-    if (d->request.kind == FB_REQUEST_ALARM) {
+    switch (d->answered) {
+    case FB_REQUEST_ALARM:
         if (!fb_wire_get_alarm(event->bytes, event->n, &d->status))
             return false;
         d->alarm_serial = d->status.alarm_serial;
         return true;
+    case FB_REQUEST_OFFSETS:
+        d->pages = 1;
+        return fb_wire_get_offsets(event->bytes, event->n, &d->setup);
+    case FB_REQUEST_TOOLS:
+        if (!fb_wire_get_tools(event->bytes, event->n, d->pages - 1, &d->setup))
+            return false;
+        d->pages++;
+        return true;
+    case FB_REQUEST_CHUNK:
+        if (event->n == FB_ACK_BYTES)
+            return fb_wire_get_ack(event->bytes, event->n, &d->status);
+        break;
+    default:
+        break;
     }
     FbStatus fresh = d->status; /* keeps the texts */
     if (!fb_wire_get_status(event->bytes, event->n, &fresh))
@@ -137,33 +169,40 @@ static void count_damage(FbDelivery *d, bool forward)
 
 static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbActions *out)
 {
-    if (d->link != LINK_WAITING)
+    if (d->link != LINK_UP || d->n_flights == 0)
         return;
     const FbStatus before = d->status;
+    d->answered = d->flights[0].kind;
+    memmove(d->flights, d->flights + 1, --d->n_flights * sizeof *d->flights);
     if (!decode(d, event)) {
         break_link(d, "an answer that the protocol does not allow", now_us, out);
         return;
     }
     const FbStatus *s = &d->status;
-    const bool damaged = d->request.kind == FB_REQUEST_COMMAND && s->command_session == 0;
-    if (d->request.kind == FB_REQUEST_COMMAND && !damaged &&
+    const bool command = d->answered == FB_REQUEST_COMMAND;
+    const bool damaged = command && s->command_session == 0;
+    if (command && !damaged &&
         (s->command_session != d->options.session || s->command_seq != d->order.seq)) {
         break_link(d, "an answer to another command", now_us, out);
         return;
     }
-    d->link = LINK_UP;
     d->fresh = true;
     d->again_us = now_us;
-    if (d->request.kind == FB_REQUEST_COMMAND) {
+    if (command) {
         count_damage(d, !damaged);
         if (damaged && d->finishing)
             d->leased = false; /* it will lapse */
         if (damaged || s->answer == FB_ANSWER_NONE)
             d->again_us = now_us + FB_AGAIN_US;
-    } else if (d->request.kind == FB_REQUEST_CHUNK) {
-        count_damage(d, s->received > d->received);
+    } else if (d->answered == FB_REQUEST_CHUNK) {
+        /* One that was lost makes all behind it gaps: together they are one damage. */
+        if (!d->go_back)
+            count_damage(d, s->received > d->received);
         d->received = MAX(d->received, s->received);
+        d->go_back |= s->chunk_answer != FB_ANSWER_DONE;
+        fb_task_judge_chunk(d);
     }
+    d->go_back &= d->n_flights > 0;
     if (d->leased && s->lease_owner != (uint32_t)(d->options.token >> 32))
         d->leased = false;
     if (show_now(d, &before, now_us)) {
@@ -192,6 +231,9 @@ static void set_order(FbDelivery *d, FbCommand command)
         .token = d->options.token,
         .command = command,
         .open = d->open,
+        .gate = d->wanted.gate,
+        .gate_offset = d->wanted.gate_offset,
+        .arguments = d->arguments,
     };
 }
 
@@ -210,26 +252,34 @@ static void send_beat(FbDelivery *d, int64_t now_us, FbActions *out)
     send_request(d, FB_REQUEST_BEAT, now_us, out);
 }
 
+/* Bytes of the stream: the table of gates, then the program. */
+static void copy_stream(const FbDelivery *d, uint64_t offset, uint8_t *to, size_t n)
+{
+    const uint8_t *program = g_bytes_get_data(d->program, NULL);
+    const size_t table = offset < d->table_bytes ? MIN(n, d->table_bytes - offset) : 0;
+    if (table > 0)
+        memcpy(to, d->table + offset, table);
+    if (n > table)
+        memcpy(to + table, program + (offset + table - d->table_bytes), n - table);
+}
+
 void fb_delivery_send_chunk(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const FbStatus *s = &d->status;
-    const uint64_t table_bytes = (uint64_t)d->open.gates * FB_GATE_BYTES;
+    const uint64_t from = d->n_flights > 0 ? MAX(d->sent_to, s->received) : s->received;
     const uint64_t to = MIN(s->length, s->may_send_to);
-    if (s->received >= to) { /* no credit */
+    if (from >= to) { /* no credit, or all is on its way */
         d->again_us = now_us + FB_AGAIN_US;
         return;
     }
     uint8_t bytes[FB_CHUNK_BYTES];
-    const uint8_t *program = g_bytes_get_data(d->program, NULL);
     const FbChunk chunk = {.epoch = d->epoch,
                            .transfer = s->transfer,
-                           .offset = s->received,
-                           .length = (uint16_t)MIN(to - s->received, s->chunk_max),
+                           .offset = from,
+                           .length = (uint16_t)MIN(to - from, s->chunk_max),
                            .bytes = bytes};
-    for (uint16_t i = 0; i < chunk.length; i++) {
-        const uint64_t at = chunk.offset + i;
-        bytes[i] = at < table_bytes ? d->table[at] : program[at - table_bytes];
-    }
+    copy_stream(d, from, bytes, chunk.length);
+    d->sent_to = from + chunk.length;
     d->request.n = fb_wire_put_chunk(d->request.bytes, &chunk);
     send_request(d, FB_REQUEST_CHUNK, now_us, out);
 }
@@ -251,30 +301,56 @@ static void take_epoch(FbDelivery *d)
     d->alarm_serial = 0;
 }
 
+/* Requests that may be in flight now. */
+static unsigned window(const FbDelivery *d)
+{
+    return MIN(d->options.window, MIN(d->status.window, d->status.window_max));
+}
+
+static bool only_chunks(const FbDelivery *d)
+{
+    for (unsigned i = 0; i < d->n_flights; i++)
+        if (d->flights[i].kind != FB_REQUEST_CHUNK && d->flights[i].kind != FB_REQUEST_BEAT)
+            return false;
+    return true;
+}
+
 static void advance(FbDelivery *d, int64_t now_us, FbActions *out)
 {
-    if (!d->fresh || d->must_look) {
-        d->must_look = false;
-        send_request(d, FB_REQUEST_STATUS, now_us, out);
+    if (d->n_flights > 0 && (d->n_flights >= window(d) || !only_chunks(d)))
         return;
-    }
-    take_epoch(d);
-    if (d->status.alarm_code != 0 && d->status.alarm_serial != d->alarm_serial) {
-        send_request(d, FB_REQUEST_ALARM, now_us, out);
+    if (d->fresh)
+        take_epoch(d);
+    const bool alarm = d->status.alarm_code != 0 && d->status.alarm_serial != d->alarm_serial;
+    if (!d->fresh || d->must_look || alarm) {
+        const bool look = !d->fresh || d->must_look;
+        if (d->n_flights > 0)
+            return;
+        d->must_look = false;
+        fb_delivery_send_read(d, look ? FB_REQUEST_STATUS : FB_REQUEST_ALARM, 0, now_us, out);
         return;
     }
     if (d->leased && now_us >= d->beat_us) {
         send_beat(d, now_us, out);
+        out->more = true;
         return;
     }
-    while (d->busy && d->link == LINK_UP && !out->ended) {
+    if (d->n_flights > 0) { /* only more of the same may join them */
+        if (d->busy && !d->finishing && !d->asking && !d->go_back && fb_task_streams(d)) {
+            fb_delivery_send_chunk(d, now_us, out);
+            out->more = out->request != NULL;
+        }
+        return;
+    }
+    while (d->busy && d->n_flights == 0 && !out->ended) {
         const bool was_finishing = d->finishing;
         fb_task_next(d, now_us, out);
         if (d->finishing == was_finishing)
             break;
     }
-    if (d->link == LINK_UP && now_us >= d->poll_us)
-        send_request(d, FB_REQUEST_STATUS, now_us, out);
+    if (d->link == LINK_UP && d->n_flights == 0 && now_us >= d->poll_us)
+        fb_delivery_send_read(d, FB_REQUEST_STATUS, 0, now_us, out);
+    out->more = out->request && out->request->kind == FB_REQUEST_CHUNK;
 }
 
 bool fb_delivery_busy(const FbDelivery *d)
@@ -285,6 +361,11 @@ bool fb_delivery_busy(const FbDelivery *d)
 const FbStatus *fb_delivery_status(const FbDelivery *d)
 {
     return &d->status;
+}
+
+const FbSetup *fb_delivery_setup(const FbDelivery *d)
+{
+    return d->setup_known ? &d->setup : NULL;
 }
 
 const FbRequest *fb_delivery_farewell(FbDelivery *d)
@@ -319,6 +400,7 @@ void fb_delivery_free(FbDelivery *d)
     g_free(d->why);
     g_clear_error(&d->outcome);
     g_bytes_unref(d->program);
+    g_free(d->gates);
     g_free(d->table);
     g_free(d);
 }

@@ -12,6 +12,8 @@
 typedef enum {
     FB_REQUEST_STATUS,  /* read STATUS */
     FB_REQUEST_ALARM,   /* read ALARM */
+    FB_REQUEST_OFFSETS, /* read OFFSETS */
+    FB_REQUEST_TOOLS,   /* read a page of TOOLS */
     FB_REQUEST_COMMAND, /* these write their block and read STATUS back */
     FB_REQUEST_CHUNK,
     FB_REQUEST_BEAT,
@@ -19,7 +21,8 @@ typedef enum {
 
 typedef struct {
     FbRequestKind kind;
-    size_t n; /* of the block that is written */
+    unsigned page; /* of TOOLS */
+    size_t n;      /* of the block that is written */
     uint8_t bytes[FB_BLOCK_BYTES];
 } FbRequest;
 
@@ -27,7 +30,7 @@ typedef enum { FB_EVENT_TICK, FB_EVENT_CONNECTED, FB_EVENT_REPLY, FB_EVENT_BROKE
 
 typedef struct {
     FbEventKind kind;
-    const uint8_t *bytes; /* REPLY: the block read */
+    const uint8_t *bytes; /* REPLY, to the oldest request without one: the block read */
     size_t n;
     const char *why; /* BROKEN: also "cannot connect" */
 } FbEvent;
@@ -37,6 +40,7 @@ typedef struct {
     bool close;
     bool connect;
     const FbRequest *request; /* send it; NULL: nothing. Valid until the next step */
+    bool more;                /* step again with TICK before waiting: the window has room */
     bool show;                /* fb_delivery_status is worth showing */
     bool ended;               /* the task, */
     FbTask task;
@@ -48,6 +52,8 @@ typedef struct {
     uint32_t session; /* random, not 0 */
     uint64_t token;
     int64_t reply_timeout_us, reconnect_us, give_up_us, heartbeat_us;
+    uint16_t window; /* requests in flight, at most; 1 … 16 */
+    CfgDrip drip;
 } FbDeliveryOptions;
 
 typedef struct FbDelivery FbDelivery;
@@ -62,13 +68,19 @@ void fb_delivery_set_token(FbDelivery *delivery, uint64_t token);
 void fb_delivery_deliver(FbDelivery *delivery, GBytes *program, const uint64_t *gates,
                          size_t n_gates, int64_t now_us);
 void fb_delivery_start(FbDelivery *delivery, int64_t now_us);
-void fb_delivery_command(FbDelivery *delivery, FbCommand command, int64_t now_us);
+void fb_delivery_start_stored(FbDelivery *delivery, const FbStored *stored, int64_t now_us);
+void fb_delivery_command(FbDelivery *delivery, FbCommand command, const FbArguments *arguments,
+                         int64_t now_us);
+void fb_delivery_read_setup(FbDelivery *delivery, int64_t now_us);
 bool fb_delivery_busy(const FbDelivery *delivery);
 
 void fb_delivery_step(FbDelivery *delivery, const FbEvent *event, int64_t now_us, FbActions *out);
 
 /* The last status; UNKNOWN before the first and while there is no connection. */
 const FbStatus *fb_delivery_status(const FbDelivery *delivery);
+
+/* What FB_TASK_SETUP has read; NULL before. */
+const FbSetup *fb_delivery_setup(const FbDelivery *delivery);
 
 /* The RELEASE to send before the connection is closed for good; NULL where there is none to send:
  * no lease, no connection, or a run that is on. */

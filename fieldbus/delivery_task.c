@@ -9,6 +9,7 @@ static bool must_release(const FbDelivery *d);
 static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out);
 static void run_next(FbDelivery *d, int64_t now_us, FbActions *out);
 static void command_next(FbDelivery *d, int64_t now_us, FbActions *out);
+static void setup_next(FbDelivery *d, int64_t now_us, FbActions *out);
 
 /* True where the answer to the command in question is in the status. */
 static bool is_answered(const FbDelivery *d)
@@ -38,14 +39,38 @@ void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out)
         deliver_next(d, now_us, out);
     else if (d->task == FB_TASK_RUN)
         run_next(d, now_us, out);
+    else if (d->task == FB_TASK_SETUP)
+        setup_next(d, now_us, out);
     else
         command_next(d, now_us, out);
+}
+
+bool fb_task_streams(const FbDelivery *d)
+{
+    const FbStatus *s = &d->status;
+    const bool delivers = d->task == FB_TASK_DELIVER && s->state == FB_STATE_LOADING;
+    const bool drips = d->task == FB_TASK_RUN && d->started && s->drip && s->run == d->run;
+    return d->leased && (delivers || drips) && s->transfer == d->transfer;
+}
+
+void fb_task_judge_chunk(FbDelivery *d)
+{
+    const FbAnswer answer = d->status.chunk_answer;
+    const bool hopeless = answer == FB_ANSWER_HASH || answer == FB_ANSWER_PROGRAM ||
+                          answer == FB_ANSWER_ROLE ||
+                          (answer == FB_ANSWER_TOO_LARGE && d->status.drip);
+    if (hopeless && d->busy && !d->finishing)
+        fb_task_finish(
+            d, g_error_new(FB_ERROR, FB_ERROR_REFUSED,
+                           "the machine refused the program at byte %" G_GUINT64_FORMAT ": %s. %s",
+                           d->status.received, fb_answer_name(answer), fb_answer_advice(answer)));
 }
 
 bool fb_task_may_run(const FbDelivery *d)
 {
     return d->task == FB_TASK_RUN &&
-           (d->started || (d->asking && d->order.command == FB_COMMAND_START));
+           (d->started || (d->asking && (d->order.command == FB_COMMAND_START ||
+                                         d->order.command == FB_COMMAND_RESTART)));
 }
 
 void fb_task_finish(FbDelivery *d, GError *error)
@@ -148,7 +173,7 @@ static void judge(FbDelivery *d, int64_t now_us)
         d->must_open = false;
         d->transfer = s->transfer;
         d->received = 0;
-    } else if (command == FB_COMMAND_START && done) {
+    } else if ((command == FB_COMMAND_START || command == FB_COMMAND_RESTART) && done) {
         d->started = true;
         d->run = s->run;
     } else if (command == FB_COMMAND_VERIFY && !d->opened &&
@@ -167,7 +192,43 @@ static bool is_ours(const FbDelivery *d)
     const FbStatus *s = &d->status;
     return s->transfer != 0 && memcmp(s->id, d->open.id, sizeof s->id) == 0 &&
            s->gates == d->open.gates && s->gates_crc == d->open.gates_crc &&
-           s->length == d->open.program_bytes + (uint64_t)d->open.gates * FB_GATE_BYTES;
+           s->length == d->open.program_bytes + d->table_bytes &&
+           s->drip == (d->open.flags & FB_OPEN_DRIP);
+}
+
+static bool wants_drip(const FbDelivery *d)
+{
+    const uint64_t whole = g_bytes_get_size(d->program) + (uint64_t)d->open.gates * FB_GATE_BYTES;
+    return d->options.drip == CFG_DRIP_ALWAYS ||
+           (d->options.drip == CFG_DRIP_AUTO && whole > d->status.memory_bytes);
+}
+
+/* The table of gates as the wire wants it, and what OPEN says of it; once a task, when the
+ * machine's memory is known. */
+static void make_table(FbDelivery *d)
+{
+    FbOpen *open = &d->open;
+    const uint8_t *program = g_bytes_get_data(d->program, NULL);
+    open->flags = wants_drip(d) ? FB_OPEN_DRIP : 0;
+    const size_t entry = fb_wire_gate_bytes(open->flags);
+    d->table_bytes = open->gates * (uint64_t)entry;
+    d->table = g_malloc(d->table_bytes);
+    g_autoptr(GChecksum) hash = g_checksum_new(G_CHECKSUM_SHA256);
+    uint64_t at = 0;
+    for (uint32_t i = 0; i < open->gates; i++) {
+        uint8_t digest[32];
+        gsize n = sizeof digest;
+        if (open->flags & FB_OPEN_DRIP) {
+            g_checksum_update(hash, program + at, (gssize)(d->gates[i] - at));
+            g_autoptr(GChecksum) running = g_checksum_copy(hash);
+            g_checksum_get_digest(running, digest, &n);
+        }
+        fb_wire_put_gate(d->table + i * entry, d->gates[i],
+                         open->flags & FB_OPEN_DRIP ? digest : NULL);
+        at = d->gates[i];
+    }
+    open->gates_crc = fb_wire_crc(d->table, d->table_bytes);
+    open->window = d->options.window;
 }
 
 static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out)
@@ -175,6 +236,8 @@ static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out)
     const FbStatus *s = &d->status;
     const bool holds =
         s->state == FB_STATE_LOADING || s->state == FB_STATE_READY || s->state == FB_STATE_COMPLETE;
+    if (!d->table)
+        make_table(d);
     if (!d->leased) {
         fb_delivery_ask(d, FB_COMMAND_LEASE, now_us, out);
     } else if (d->opened && s->transfer != d->transfer) {
@@ -185,15 +248,16 @@ static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out)
         d->again_us = now_us + FB_AGAIN_US;
     } else if (s->state != FB_STATE_IDLE && !holds) {
         fb_task_finish(d, refusal(d, FB_COMMAND_OPEN, FB_ANSWER_WRONG_STATE));
-    } else if (!is_ours(d) || d->must_open) {
+    } else if (!is_ours(d) || d->must_open || (s->drip && s->state == FB_STATE_COMPLETE)) {
         fb_delivery_ask(d, FB_COMMAND_OPEN, now_us, out);
     } else if (s->state == FB_STATE_COMPLETE) {
         fb_delivery_ask(d, FB_COMMAND_ACKNOWLEDGE, now_us, out);
-    } else if (s->state == FB_STATE_LOADING && s->received < s->length) {
+    } else if (s->state == FB_STATE_LOADING && s->received < MIN(s->length, s->may_send_to)) {
+        d->transfer = s->transfer;
         fb_delivery_send_chunk(d, now_us, out);
     } else if (s->state == FB_STATE_LOADING) {
         fb_delivery_ask(d, FB_COMMAND_VERIFY, now_us, out);
-    } else if (memcmp(s->sha256, d->open.id, sizeof s->sha256) != 0) {
+    } else if (!s->drip && memcmp(s->sha256, d->open.id, sizeof s->sha256) != 0) {
         fb_task_finish(d, g_error_new(FB_ERROR, FB_ERROR_PROTOCOL,
                                       "the machine is READY with another hash than the program's"));
     } else {
@@ -205,12 +269,19 @@ static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out)
 static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const FbStatus *s = &d->status;
+    if (d->stored && !d->started && d->transfer == 0 && s->state == FB_STATE_READY &&
+        (!d->wanted.id || memcmp(s->id, d->wanted.id, sizeof s->id) == 0))
+        d->transfer = s->transfer;
     if (!d->started && (d->transfer == 0 || s->transfer != d->transfer)) {
         fb_task_finish(
             d, g_error_new(FB_ERROR, FB_ERROR_REFUSED,
-                           "the machine does not hold the delivered program: deliver again"));
+                           "the machine (%s) does not hold the program that is meant, ready to "
+                           "start: deliver again",
+                           fb_state_name(s->state)));
     } else if (!d->started) {
-        fb_delivery_ask(d, d->leased ? FB_COMMAND_START : FB_COMMAND_LEASE, now_us, out);
+        const FbCommand start =
+            d->stored && d->wanted.gate > 0 ? FB_COMMAND_RESTART : FB_COMMAND_START;
+        fb_delivery_ask(d, d->leased ? start : FB_COMMAND_LEASE, now_us, out);
     } else if (s->run != d->run) {
         fb_task_finish(d,
                        g_error_new(FB_ERROR, FB_ERROR_PROTOCOL,
@@ -225,8 +296,30 @@ static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
                                       s->alarm_code, s->line,
                                       s->alarm_code ? s->alarm_text : "acknowledged meanwhile",
                                       s->alarm_code ? s->alarm_advice : ""));
+    } else if (s->drip && s->received < s->length && d->program) {
+        fb_delivery_send_chunk(d, now_us, out);
     } else {
         d->again_us = INT64_MAX; /* the beats follow it */
+    }
+}
+
+/* The offsets, then page by page the tools; from the beginning where they change meanwhile. */
+static void setup_next(FbDelivery *d, int64_t now_us, FbActions *out)
+{
+    const unsigned pages = (d->status.n_tools + FB_TOOLS_A_PAGE - 1u) / FB_TOOLS_A_PAGE;
+    if (d->pages > 0 && d->setup.serial != d->status.setup_serial) {
+        d->pages = 0;
+        d->must_look = true;
+        d->again_us = now_us;
+    }
+    if (d->pages == 0)
+        fb_delivery_send_read(d, FB_REQUEST_OFFSETS, 0, now_us, out);
+    else if (d->pages <= pages)
+        fb_delivery_send_read(d, FB_REQUEST_TOOLS, d->pages - 1, now_us, out);
+    else {
+        d->setup.n_tools = d->status.n_tools;
+        d->setup_known = true;
+        fb_task_finish(d, NULL);
     }
 }
 
@@ -270,12 +363,10 @@ void fb_delivery_deliver(FbDelivery *d, GBytes *program, const uint64_t *gates, 
     g_bytes_ref(program);
     g_bytes_unref(d->program);
     d->program = program;
-    g_free(d->table);
-    d->table = g_malloc(n_gates * FB_GATE_BYTES);
-    fb_wire_put_gates(d->table, gates, n_gates);
-    d->open = (FbOpen){.program_bytes = n,
-                       .gates = (uint32_t)n_gates,
-                       .gates_crc = fb_wire_crc(d->table, n_gates * FB_GATE_BYTES)};
+    g_free(d->gates);
+    d->gates = g_memdup2(gates, n_gates * sizeof *gates);
+    g_clear_pointer(&d->table, g_free);
+    d->open = (FbOpen){.program_bytes = n, .gates = (uint32_t)n_gates};
     g_autoptr(GChecksum) hash = g_checksum_new(G_CHECKSUM_SHA256);
     g_checksum_update(hash, bytes, (gssize)n);
     g_checksum_get_digest(hash, d->open.id, &n_digest);
@@ -287,12 +378,36 @@ void fb_delivery_deliver(FbDelivery *d, GBytes *program, const uint64_t *gates, 
 void fb_delivery_start(FbDelivery *d, int64_t now_us)
 {
     begin(d, FB_TASK_RUN, now_us);
-    d->started = false;
+    d->started = d->stored = false;
 }
 
-void fb_delivery_command(FbDelivery *d, FbCommand command, int64_t now_us)
+void fb_delivery_start_stored(FbDelivery *d, const FbStored *stored, int64_t now_us)
+{
+    begin(d, FB_TASK_RUN, now_us);
+    d->started = false;
+    d->stored = true;
+    d->transfer = 0;
+    d->task_epoch = 0;
+    d->wanted = *stored;
+    if (stored->id) {
+        memcpy(d->wanted_id, stored->id, sizeof d->wanted_id);
+        d->wanted.id = d->wanted_id;
+    }
+}
+
+void fb_delivery_command(FbDelivery *d, FbCommand command, const FbArguments *arguments,
+                         int64_t now_us)
 {
     begin(d, FB_TASK_COMMAND, now_us);
     d->command = command;
     d->must_look = !is_stop(command);
+    if (arguments)
+        d->arguments = *arguments;
+}
+
+void fb_delivery_read_setup(FbDelivery *d, int64_t now_us)
+{
+    begin(d, FB_TASK_SETUP, now_us);
+    d->pages = 0;
+    d->setup_known = false;
 }

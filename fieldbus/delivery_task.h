@@ -10,21 +10,30 @@
 
 enum { FB_AGAIN_US = 50000 }; /* asking again what is not ready yet */
 
-typedef enum { LINK_DOWN, LINK_CONNECTING, LINK_WAITING, LINK_UP } FbLink;
+typedef enum { LINK_DOWN, LINK_CONNECTING, LINK_UP } FbLink;
+
+/* A request that is on its way; answers come in the order of the requests. */
+typedef struct {
+    FbRequestKind kind;
+    int64_t deadline_us;
+} FbFlight;
 
 struct FbDelivery {
     FbDeliveryOptions options;
 
     FbLink link;
-    int64_t deadline_us; /* DOWN: to connect; CONNECTING, WAITING: to give this connection up */
-    int64_t lost_us;     /* since when there is no status; meaningless while `fresh` */
-    char *why;           /* the last break */
-    bool fresh;          /* `status` was read on this connection */
-    bool must_look;      /* it may be older than the task: other connections change things, too */
+    int64_t deadline_us;              /* DOWN: to connect; CONNECTING: to give this connection up */
+    FbFlight flights[FB_WINDOW_MOST]; /* oldest first */
+    unsigned n_flights;
+    int64_t lost_us; /* since when there is no status; meaningless while `fresh` */
+    char *why;       /* the last break */
+    bool fresh;      /* `status` was read on this connection */
+    bool must_look;  /* it may be older than the task: other connections change things, too */
     FbStatus status;
-    uint32_t epoch;        /* of the last status */
-    uint16_t alarm_serial; /* the texts in `status` belong to it */
-    FbRequest request;     /* in flight, or the last one */
+    uint32_t epoch;         /* of the last status */
+    uint16_t alarm_serial;  /* the texts in `status` belong to it */
+    FbRequest request;      /* the last one */
+    FbRequestKind answered; /* what the last reply was to */
     int64_t poll_us, again_us, shown_us;
 
     bool leased; /* by this session */
@@ -37,6 +46,7 @@ struct FbDelivery {
     bool busy; /* with `task` */
     FbTask task;
     FbCommand command; /* of TASK_COMMAND */
+    FbArguments arguments;
     int64_t since_us;
     int64_t lapses_us;   /* the refused lease, when first looked at; 0: not yet */
     uint32_t task_epoch; /* another one ends the task; 0: none seen yet */
@@ -45,14 +55,25 @@ struct FbDelivery {
 
     GBytes *program;
     FbOpen open;
-    uint8_t *table;    /* of the gates, as on the wire */
-    uint32_t transfer; /* what was delivered, or is on its way */
-    bool opened;       /* by this task */
-    bool must_open;    /* what the machine holds is of no use */
-    uint64_t received; /* seen in this task */
+    uint64_t *gates;
+    uint8_t *table;       /* of the gates, as on the wire */
+    uint64_t table_bytes; /* of it */
+    uint64_t sent_to;     /* end of the last chunk that is in flight */
+    bool go_back;         /* a chunk was not taken: no more until all are answered */
+    uint32_t transfer;    /* what was delivered, or is on its way */
+    bool opened;          /* by this task */
+    bool must_open;       /* what the machine holds is of no use */
+    uint64_t received;    /* seen in this task */
     unsigned damaged;
     bool started;
     uint32_t run;
+    bool stored; /* TASK_RUN is of what the machine holds: `wanted` */
+    FbStored wanted;
+    uint8_t wanted_id[32];
+
+    FbSetup setup;
+    unsigned pages;   /* of it that were read; 0: not even the offsets */
+    bool setup_known; /* whole */
 };
 
 /* delivery.c */
@@ -61,11 +82,19 @@ struct FbDelivery {
 void fb_delivery_ask(FbDelivery *d, FbCommand command, int64_t now_us, FbActions *out);
 void fb_delivery_send_order(FbDelivery *d, int64_t now_us, FbActions *out);
 void fb_delivery_send_chunk(FbDelivery *d, int64_t now_us, FbActions *out);
+void fb_delivery_send_read(FbDelivery *d, FbRequestKind kind, unsigned page, int64_t now_us,
+                           FbActions *out);
 
 /* delivery_task.c */
 
 /* Asks what comes next for the task, waits (again_us), or ends it. The status is fresh. */
 void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out);
+
+/* Whether what comes next is another chunk, and may join those in flight. */
+bool fb_task_streams(const FbDelivery *d);
+
+/* What the answer to a chunk means for the task: some say that no other chunk will help. */
+void fb_task_judge_chunk(FbDelivery *d);
 
 /* Whether the machine may have taken the task's START. */
 bool fb_task_may_run(const FbDelivery *d);

@@ -59,13 +59,36 @@ typedef enum {
     FB_COMMAND_START,
     FB_COMMAND_HOLD, /* never needs the lease */
     FB_COMMAND_RESUME,
-    FB_COMMAND_ABORT,       /* never needs the lease */
-    FB_COMMAND_ACKNOWLEDGE, /* clears COMPLETE; an alarm is acknowledged at the machine only */
-    FB_COMMAND_CLOSE,       /* forget the program: back to IDLE */
+    FB_COMMAND_ABORT,         /* never needs the lease */
+    FB_COMMAND_ACKNOWLEDGE,   /* clears COMPLETE; an alarm is acknowledged at the machine only */
+    FB_COMMAND_CLOSE,         /* forget the program: back to IDLE */
+    FB_COMMAND_RESTART,       /* START at a gate */
+    FB_COMMAND_OVERRIDE,      /* feed, rapid, spindle */
+    FB_COMMAND_OPTIONAL_STOP, /* the switch that M1 asks for */
     FB_N_COMMANDS
 } FbCommand;
 
 const char *fb_command_name(FbCommand command); /* "START" */
+
+/* What OVERRIDE and OPTIONAL_STOP say beside their name. */
+typedef struct {
+    uint16_t feed_percent, rapid_percent, spindle_percent;
+    bool optional_stop;
+} FbArguments;
+
+/* What overrides may be: docs/protocol.md, section 4. */
+enum {
+    FB_OVERRIDE_MOST_PERCENT = 200,
+    FB_RAPID_MOST_PERCENT = 100,
+    FB_SPINDLE_LEAST_PERCENT = 50,
+};
+
+/* Who asks, as the carrier knows it. Each may do what those before it may: an observer reads; an
+ * operator takes the lease, starts, stops and overrides; a programmer delivers. */
+typedef enum { FB_ROLE_NONE, FB_ROLE_OBSERVER, FB_ROLE_OPERATOR, FB_ROLE_PROGRAMMER } FbRole;
+
+const char *fb_role_name(FbRole role); /* "operator" */
+bool fb_role_may(FbRole role, FbCommand command);
 
 typedef enum {
     FB_ANSWER_NONE, /* nothing asked yet; or (VERIFY) taken and still at work: read again */
@@ -84,6 +107,8 @@ typedef enum {
     FB_ANSWER_MALFORMED,
     FB_ANSWER_NEEDS_ACKNOWLEDGE, /* START, RESUME want an acknowledgement at the machine first */
     FB_ANSWER_OUT_OF_SEQUENCE,   /* a sequence number below the session's last */
+    FB_ANSWER_ROLE,              /* the sender's role does not include this */
+    FB_ANSWER_GATE,              /* RESTART: not a gate of this program */
     FB_N_ANSWERS
 } FbAnswer;
 
@@ -102,13 +127,14 @@ typedef enum {
 
 /* What the machine publishes; every field but the two texts is read in one transaction, and the
  * texts are re-read whenever alarm_serial moves. A transfer is one stream of bytes: the table of
- * gates (8 bytes each), then the program; length, received and may_send_to count that stream. */
+ * gates (8 bytes each; 40 where the program drips), then the program; length, received,
+ * may_send_to and released count that stream. */
 typedef struct {
     uint16_t protocol_version;
     FbState state;
     uint32_t epoch;           /* new at each start of the machine */
     uint32_t transfer;        /* handle of the accepted program, 0: none */
-    uint64_t length;          /* 8 · gates + bytes of the program */
+    uint64_t length;          /* of the stream: table of gates and program */
     uint64_t received;        /* length of the contiguous prefix */
     uint64_t may_send_to;     /* absolute offset: the sender's credit */
     uint32_t line;            /* in execution, from 1; 0: none */
@@ -126,7 +152,8 @@ typedef struct {
     bool agent_lost;        /* the owner's heartbeat is missing */
     uint32_t run;           /* starts in this epoch */
     FbRunEnd run_end;       /* of that run */
-    uint16_t window_max;    /* requests in flight on a connection that the machine allows */
+    uint16_t window_max;    /* requests in flight on a connection that the machine allows, */
+    uint16_t window;        /* and has granted for this transfer */
     uint16_t chunk_max;     /* bytes of a chunk */
     uint16_t alarm_code;    /* 0: none */
     uint16_t alarm_serial;  /* moves with every change of code, text or advice */
@@ -137,10 +164,39 @@ typedef struct {
     double spindle_rpm;
     uint32_t program_time_ms; /* of machine time in this run */
     uint32_t heartbeat;       /* counts at least once a second while the machine is alive */
+    uint32_t gate;            /* last gate that this run has passed, from 1; 0: none */
+    uint32_t stop_line;       /* first line not done when the last run ended; 0: none */
+    bool optional_stop;       /* M1 stops */
+    bool drip;                /* the program is larger than the memory: fed while it runs */
+    bool starving;            /* drip: stands at a gate, the next pass has not come */
+    uint32_t starved;         /* how often, in this run, */
+    uint32_t starved_ms;      /* and for how long */
+    uint64_t released;        /* end of the last whole, verified pass: what may be executed */
+    uint64_t memory_bytes;    /* for a stream */
+    uint16_t setup_serial;    /* moves with every change of the tool table or the offsets */
+    uint16_t n_tools;         /* in the machine's tool table */
+    uint16_t work_offset;     /* in force: 54 … 59 */
     uint8_t sha256[32];       /* the machine's own hash after VERIFY, zeros before */
     char alarm_text[FB_TEXT_BYTES];
     char alarm_advice[FB_TEXT_BYTES];
 } FbStatus;
+
+/* The machine's tool table and work offsets, as it publishes them; lengths to 0.1 µm. */
+enum { FB_TOOLS_MOST = 60 };
+
+typedef struct {
+    int32_t number;
+    CfgToolKind kind;
+    double diameter_mm, corner_radius_mm, length_mm;
+} FbTool;
+
+typedef struct {
+    uint16_t serial;
+    uint16_t n_tools;
+    FbTool tools[FB_TOOLS_MOST]; /* ascending by number */
+    uint16_t work_offset;        /* in force: 54 … 59 */
+    double work_offset_mm[6][3]; /* G54 … G59 */
+} FbSetup;
 
 /* --------------------------------------------------------------- machine's side */
 
@@ -160,7 +216,11 @@ typedef enum {
     FB_DO_HOLD_AT_GATE, /* the agent is lost: hold at the next gate */
     FB_DO_RESUME,
     FB_DO_ABORT,
-    FB_DO_FORGET, /* the program was closed */
+    FB_DO_FORGET,        /* the program was closed */
+    FB_DO_RESTART,       /* START at fb_receiver_restart_gate */
+    FB_DO_PASS,          /* drip: more passes than before are released (fb_receiver_released) */
+    FB_DO_OVERRIDE,      /* fb_receiver_overrides has others, */
+    FB_DO_OPTIONAL_STOP, /* or another switch */
 } FbDo;
 
 /* What the machine tells its receiver. */
@@ -188,6 +248,11 @@ typedef struct {
     double position_mm[3];
     double feed_mm_min, spindle_rpm;
     uint32_t program_time_ms;
+    uint32_t gate;      /* last one passed in this run, from 1; what lies before it is forgotten */
+    uint32_t stop_line; /* first line not done when the last run ended; 0: none */
+    bool starving;      /* drip: waits for a pass; how often and how long in this run */
+    uint32_t starved, starved_ms;
+    uint16_t work_offset;
 } FbProgress;
 
 typedef struct {
@@ -218,9 +283,27 @@ FbState fb_receiver_state(const FbReceiver *receiver);
 void fb_receiver_status(const FbReceiver *receiver, int64_t now_us, FbStatus *status);
 
 /* The program from FB_DO_VERIFY to FB_DO_FORGET: the machine's own immutable copy, and its gates.
- * Both are the receiver's; NULL outside that time. Take a reference to keep the bytes. */
+ * Both are the receiver's; NULL outside that time. Take a reference to keep the bytes. A program
+ * that drips has no such copy: NULL. */
 GBytes *fb_receiver_program(const FbReceiver *receiver);
 const uint64_t *fb_receiver_gates(const FbReceiver *receiver, size_t *n);
+
+/* A program that drips comes pass by pass: pass i (from 0) is what lies between gate i - 1 (or the
+ * beginning) and gate i. A pass is released when it is whole and its running hash holds; it can be
+ * had until the machine's progress says that gate i is passed. */
+bool fb_receiver_drips(const FbReceiver *receiver);
+size_t fb_receiver_released(const FbReceiver *receiver);           /* passes */
+GBytes *fb_receiver_pass(const FbReceiver *receiver, size_t pass); /* a new reference; or NULL */
+
+/* The gate of the last RESTART, from 1: execution begins at its byte offset, gates[gate - 1]. */
+uint32_t fb_receiver_restart_gate(const FbReceiver *receiver);
+
+/* As commanded last; 100 % and no optional stop at first. */
+FbArguments fb_receiver_overrides(const FbReceiver *receiver);
+
+/* Publishes the machine's tools and offsets (copied; `serial` is the receiver's to count). */
+void fb_receiver_set_setup(FbReceiver *receiver, const FbSetup *setup);
+const FbSetup *fb_receiver_setup(const FbReceiver *receiver);
 
 /* Counters of what was refused, for the log: one per FbAnswer. */
 const uint64_t *fb_receiver_counts(const FbReceiver *receiver);
@@ -249,6 +332,8 @@ typedef enum {
     FB_TASK_DELIVER, /* fb_session_deliver */
     FB_TASK_RUN,     /* fb_session_start */
     FB_TASK_COMMAND, /* fb_session_command */
+    FB_TASK_SETUP,   /* fb_session_read_setup */
+    FB_N_TASKS
 } FbTask;
 
 typedef struct {
@@ -261,9 +346,9 @@ typedef struct {
     void *data;
 } FbSessionCallbacks;
 
-/* `address` is modbus://host:port; NULL with an error where it is not. Connects in the background,
- * and shows the status as soon as there is one. */
-FbSession *fb_session_new(const char *address, int unit_id, const CfgAgent *agent,
+/* The target's address is modbus://host:port; NULL with an error where it is not. Connects in the
+ * background, and shows the status as soon as there is one. */
+FbSession *fb_session_new(const CfgTarget *target, const CfgAgent *agent,
                           const FbSessionCallbacks *callbacks, GMainContext *context,
                           GError **error);
 void fb_session_free(FbSession *session);
@@ -280,12 +365,26 @@ void fb_session_deliver(FbSession *session, GBytes *program, const uint64_t *gat
  * it (alarm, abort, link lost). Only ever called for an explicit act of a person or controller. */
 void fb_session_start(FbSession *session);
 
-/* A single command: HOLD, RESUME, ABORT, ACKNOWLEDGE, CLOSE, RELEASE; on a connection of its own,
+/* The same for a verified program that the machine holds already, whoever delivered it: for a
+ * button, and for a restart. */
+typedef struct {
+    const uint8_t *id;    /* SHA-256 of the program that is meant (copied); NULL: any */
+    uint32_t gate;        /* from 1: RESTART there; 0: START */
+    uint64_t gate_offset; /* of that gate in the program: the machine compares */
+} FbStored;
+void fb_session_start_stored(FbSession *session, const FbStored *stored);
+
+/* Reads the machine's tool table and offsets; `done` when fb_session_setup has them. */
+void fb_session_read_setup(FbSession *session);
+const FbSetup *fb_session_setup(const FbSession *session); /* NULL before */
+
+/* A single command: HOLD, RESUME, ABORT, ACKNOWLEDGE, CLOSE, RELEASE, and with `arguments` (else
+ * NULL) OVERRIDE, OPTIONAL_STOP; on a connection of its own,
  * so never behind a chunk. Commands are done in the order of the calls, but HOLD and ABORT go
  * before those that have not been sent. RESUME, ACKNOWLEDGE and CLOSE take the lease for their time
  * where it is free. After RESUME the machine wants beats: those of the session that started the
  * run, or, where the lease was free, of this one. */
-void fb_session_command(FbSession *session, FbCommand command);
+void fb_session_command(FbSession *session, FbCommand command, const FbArguments *arguments);
 
 const FbStatus *fb_session_status(const FbSession *session);
 

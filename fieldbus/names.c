@@ -29,14 +29,33 @@ const char *fb_state_name(FbState state)
 const char *fb_command_name(FbCommand command)
 {
     static const char *const names[FB_N_COMMANDS] = {
-        [FB_COMMAND_NONE] = "NONE",       [FB_COMMAND_LEASE] = "LEASE",
-        [FB_COMMAND_RELEASE] = "RELEASE", [FB_COMMAND_OPEN] = "OPEN",
-        [FB_COMMAND_VERIFY] = "VERIFY",   [FB_COMMAND_START] = "START",
-        [FB_COMMAND_HOLD] = "HOLD",       [FB_COMMAND_RESUME] = "RESUME",
-        [FB_COMMAND_ABORT] = "ABORT",     [FB_COMMAND_ACKNOWLEDGE] = "ACKNOWLEDGE",
-        [FB_COMMAND_CLOSE] = "CLOSE",
+        [FB_COMMAND_NONE] = "NONE",         [FB_COMMAND_LEASE] = "LEASE",
+        [FB_COMMAND_RELEASE] = "RELEASE",   [FB_COMMAND_OPEN] = "OPEN",
+        [FB_COMMAND_VERIFY] = "VERIFY",     [FB_COMMAND_START] = "START",
+        [FB_COMMAND_HOLD] = "HOLD",         [FB_COMMAND_RESUME] = "RESUME",
+        [FB_COMMAND_ABORT] = "ABORT",       [FB_COMMAND_ACKNOWLEDGE] = "ACKNOWLEDGE",
+        [FB_COMMAND_CLOSE] = "CLOSE",       [FB_COMMAND_RESTART] = "RESTART",
+        [FB_COMMAND_OVERRIDE] = "OVERRIDE", [FB_COMMAND_OPTIONAL_STOP] = "OPTIONAL_STOP",
     };
     return (unsigned)command < FB_N_COMMANDS ? names[command] : "reserved";
+}
+
+const char *fb_role_name(FbRole role)
+{
+    static const char *const names[] = {"none", "observer", "operator", "programmer"};
+    return (unsigned)role < G_N_ELEMENTS(names) ? names[role] : "reserved";
+}
+
+bool fb_role_may(FbRole role, FbCommand command)
+{
+    switch (command) {
+    case FB_COMMAND_OPEN:
+    case FB_COMMAND_VERIFY:
+    case FB_COMMAND_CLOSE:
+        return role >= FB_ROLE_PROGRAMMER;
+    default:
+        return role >= FB_ROLE_OPERATOR;
+    }
 }
 
 static const struct {
@@ -65,6 +84,8 @@ static const struct {
     [FB_ANSWER_NEEDS_ACKNOWLEDGE] = {"NEEDS_ACKNOWLEDGE",
                                      "Acknowledge at the machine first, then start again."},
     [FB_ANSWER_OUT_OF_SEQUENCE] = {"OUT_OF_SEQUENCE", "An old command came late and was not done."},
+    [FB_ANSWER_ROLE] = {"ROLE", "The role of this agent's certificate does not include this."},
+    [FB_ANSWER_GATE] = {"GATE", "This is no gate of the program on the machine: deliver again."},
 };
 
 const char *fb_answer_name(FbAnswer answer)

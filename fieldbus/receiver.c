@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The machine's side of docs/protocol.md as a state machine; the tables below are its section 3. */
+/* The machine's side of docs/protocol.md as a state machine; fieldbus/transitions.* has its tables.
+ */
 #include "fieldbus/receiver.h"
 
 #include <string.h>
 
 #include "fieldbus/store.h"
+#include "fieldbus/transitions.h"
 
 enum {
     N_RECORDS = 32,
-    N_STATES = FB_STATE_ESTOP + 1,
-    N_EVENTS = FB_MACHINE_ACKNOWLEDGED + 1,
     HEARTBEAT_US = 500000,
     ALARM_GATES = 1,
 };
@@ -41,8 +41,10 @@ struct FbReceiver {
     uint32_t verify_session;
     FbAnswer chunk_answer;
 
-    uint32_t run;
+    uint32_t run, restart_gate;
     FbRunEnd run_end;
+    FbArguments overrides;
+    FbSetup setup;
     uint16_t alarm_code, alarm_serial;
     char alarm_text[FB_TEXT_BYTES], alarm_advice[FB_TEXT_BYTES];
     FbProgress progress;
@@ -51,26 +53,28 @@ struct FbReceiver {
     uint64_t counts[FB_N_ANSWERS];
 };
 
-static FbAnswer take_order(FbReceiver *r, const uint8_t *bytes, size_t n, int64_t now_us,
+static FbAnswer take_order(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
+                           int64_t now_us, GArray *actions);
+static FbAnswer take_chunk(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
                            GArray *actions);
-static FbAnswer take_chunk(FbReceiver *r, const uint8_t *bytes, size_t n);
-static FbAnswer take_beat(FbReceiver *r, const uint8_t *bytes, size_t n, int64_t now_us);
+static FbAnswer take_beat(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
+                          int64_t now_us);
 static void watch_agent(FbReceiver *r, int64_t now_us, GArray *actions);
 
-FbAnswer fb_receiver_write(FbReceiver *r, FbBlock block, const uint8_t *bytes, size_t n,
-                           int64_t now_us, GArray *actions)
+FbAnswer fb_receiver_write(FbReceiver *r, FbRole role, FbBlock block, const uint8_t *bytes,
+                           size_t n, int64_t now_us, GArray *actions)
 {
     FbAnswer answer = FB_ANSWER_MALFORMED;
     watch_agent(r, now_us, actions);
     switch (block) {
     case FB_BLOCK_COMMAND:
-        answer = take_order(r, bytes, n, now_us, actions);
+        answer = take_order(r, role, bytes, n, now_us, actions);
         break;
     case FB_BLOCK_CHUNK:
-        answer = r->chunk_answer = take_chunk(r, bytes, n);
+        answer = r->chunk_answer = take_chunk(r, role, bytes, n, actions);
         break;
     case FB_BLOCK_BEAT:
-        answer = take_beat(r, bytes, n, now_us);
+        answer = take_beat(r, role, bytes, n, now_us);
         break;
     }
     r->counts[answer]++;
@@ -135,12 +139,15 @@ static FbAnswer take_lease(FbReceiver *r, const FbOrder *o, int64_t now_us)
     return FB_ANSWER_DONE;
 }
 
-static FbAnswer take_beat(FbReceiver *r, const uint8_t *bytes, size_t n, int64_t now_us)
+static FbAnswer take_beat(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
+                          int64_t now_us)
 {
     FbBeat beat;
     const FbAnswer answer = fb_wire_get_beat(bytes, n, &beat);
     if (answer != FB_ANSWER_DONE)
         return answer;
+    if (!fb_role_may(role, FB_COMMAND_LEASE))
+        return FB_ANSWER_ROLE;
     hear_agent(r, beat.session, beat.token, now_us);
     return beat.token != 0 && beat.token == r->lease_token ? FB_ANSWER_DONE : FB_ANSWER_NO_LEASE;
 }
@@ -161,32 +168,9 @@ static void set_alarm(FbReceiver *r, const FbAlarm *alarm)
 
 /* --------------------------------------------------------------------- commands */
 
-enum { NO = -1, KEEP = -2 };
-
-/* Section 3.1: state × command → the state after it; commands in the order of FbCommand. */
-static const int8_t after_command[N_STATES][FB_N_COMMANDS] = {
-#define S(x) FB_STATE_##x
-    /*                   NONE LEASE RELEASE OPEN VERIFY START HOLD RESUME ABORT ACKNOWLEDGE CLOSE */
-    [S(OFF)] = {NO, KEEP, KEEP, NO, NO, NO, NO, NO, NO, NO, NO},
-    [S(IDLE)] = {NO, KEEP, KEEP, S(LOADING), NO, NO, NO, NO, NO, NO, NO},
-    [S(LOADING)] = {NO, KEEP, KEEP, S(LOADING), S(VERIFYING), NO, NO, NO, NO, NO, S(IDLE)},
-    [S(VERIFYING)] = {NO, KEEP, KEEP, NO, NO, NO, NO, NO, NO, NO, NO},
-    [S(READY)] = {NO, KEEP, KEEP, S(LOADING), NO, S(RUNNING), NO, NO, NO, NO, S(IDLE)},
-    [S(RUNNING)] = {NO, KEEP, NO, NO, NO, NO, S(HOLDING), NO, S(ABORTING), NO, NO},
-    [S(HOLDING)] = {NO, KEEP, NO, NO, NO, NO, KEEP, NO, S(ABORTING), NO, NO},
-    [S(HELD)] = {NO, KEEP, NO, NO, NO, NO, KEEP, S(RUNNING), S(ABORTING), NO, NO},
-    [S(PROGRAM_STOP)] = {NO, KEEP, NO, NO, NO, NO, KEEP, S(RUNNING), S(ABORTING), NO, NO},
-    [S(TOOL_CHANGE)] = {NO, KEEP, NO, NO, NO, NO, S(HOLDING), NO, S(ABORTING), NO, NO},
-    [S(ABORTING)] = {NO, KEEP, NO, NO, NO, NO, KEEP, NO, KEEP, NO, NO},
-    [S(COMPLETE)] = {NO, KEEP, KEEP, S(LOADING), NO, NO, NO, NO, NO, S(READY), S(IDLE)},
-    [S(ALARM)] = {NO, KEEP, KEEP, NO, NO, NO, NO, NO, NO, NO, NO},
-    [S(ESTOP)] = {NO, KEEP, KEEP, NO, NO, NO, NO, NO, NO, NO, NO},
-#undef S
-};
-
 static void forget(FbReceiver *r, GArray *actions)
 {
-    if (r->store.program)
+    if (r->store.program || r->verified || r->state == FB_STATE_VERIFYING)
         act(actions, FB_DO_FORGET);
     fb_store_clear(&r->store);
     r->verified = false;
@@ -210,7 +194,7 @@ static FbAnswer open_transfer(FbReceiver *r, const FbOrder *o, GArray *actions)
 /* NONE: the machine has to examine the program. */
 static FbAnswer verify(FbReceiver *r, const FbOrder *o, GArray *actions)
 {
-    const char *why = NULL;
+    const char *why;
     const FbAnswer answer = fb_store_verify(&r->store, &why);
     set_alarm(r, why ? &(FbAlarm){ALARM_GATES, why, "Plan the program again."} : NULL);
     if (answer != FB_ANSWER_DONE)
@@ -227,11 +211,38 @@ static FbAnswer set_moving(FbReceiver *r, FbCommand command, int64_t now_us, GAr
         return FB_ANSWER_NEEDS_ACKNOWLEDGE;
     r->heard_us = now_us;
     r->agent_lost = false;
-    if (command == FB_COMMAND_START) {
+    if (command != FB_COMMAND_RESUME) {
         r->run++;
         r->run_end = FB_RUN_NONE;
+        r->progress.gate = 0;
     }
-    act(actions, command == FB_COMMAND_START ? FB_DO_START : FB_DO_RESUME);
+    act(actions, command == FB_COMMAND_START     ? FB_DO_START
+                 : command == FB_COMMAND_RESTART ? FB_DO_RESTART
+                                                 : FB_DO_RESUME);
+    return FB_ANSWER_DONE;
+}
+
+static FbAnswer restart(FbReceiver *r, const FbOrder *o, int64_t now_us, GArray *actions)
+{
+    const FbStore *store = &r->store;
+    if (store->drip)
+        return FB_ANSWER_WRONG_STATE;
+    if (o->gate == 0 || o->gate >= store->open.gates || store->gates[o->gate - 1] != o->gate_offset)
+        return FB_ANSWER_GATE;
+    r->restart_gate = o->gate;
+    return set_moving(r, o->command, now_us, actions);
+}
+
+static FbAnswer override(FbReceiver *r, const FbArguments *a, GArray *actions)
+{
+    if (a->feed_percent > FB_OVERRIDE_MOST_PERCENT || a->rapid_percent > FB_RAPID_MOST_PERCENT ||
+        a->spindle_percent < FB_SPINDLE_LEAST_PERCENT ||
+        a->spindle_percent > FB_OVERRIDE_MOST_PERCENT)
+        return FB_ANSWER_MALFORMED;
+    const bool optional_stop = r->overrides.optional_stop;
+    r->overrides = *a;
+    r->overrides.optional_stop = optional_stop;
+    act(actions, FB_DO_OVERRIDE);
     return FB_ANSWER_DONE;
 }
 
@@ -253,6 +264,14 @@ static FbAnswer effect(FbReceiver *r, const FbOrder *o, bool changes, int64_t no
     case FB_COMMAND_START:
     case FB_COMMAND_RESUME:
         return set_moving(r, o->command, now_us, actions);
+    case FB_COMMAND_RESTART:
+        return restart(r, o, now_us, actions);
+    case FB_COMMAND_OVERRIDE:
+        return override(r, &o->arguments, actions);
+    case FB_COMMAND_OPTIONAL_STOP:
+        r->overrides.optional_stop = o->arguments.optional_stop;
+        act(actions, FB_DO_OPTIONAL_STOP);
+        break;
     case FB_COMMAND_HOLD:
     case FB_COMMAND_ABORT:
         if (changes)
@@ -261,33 +280,43 @@ static FbAnswer effect(FbReceiver *r, const FbOrder *o, bool changes, int64_t no
     case FB_COMMAND_CLOSE:
         forget(r, actions);
         break;
+    case FB_COMMAND_ACKNOWLEDGE:
+        if (r->store.drip)
+            forget(r, actions);
+        break;
     default:
         break;
     }
     return FB_ANSWER_DONE;
 }
 
-/* Section 4, steps 3 to 7. */
+/* A dripped program is gone when its run is over: there is nothing to be READY with. */
+static FbState without_dripped(const FbReceiver *r, FbState next)
+{
+    return next == FB_STATE_READY && r->store.transfer == 0 ? FB_STATE_IDLE : next;
+}
+
+/* Section 4, steps 4 to 8. */
 static FbAnswer obey(FbReceiver *r, const FbOrder *o, int64_t now_us, GArray *actions)
 {
     const bool stop = o->command == FB_COMMAND_HOLD || o->command == FB_COMMAND_ABORT;
     const bool names_transfer = o->command == FB_COMMAND_VERIFY || o->command == FB_COMMAND_START ||
                                 o->command == FB_COMMAND_RESUME ||
                                 o->command == FB_COMMAND_ACKNOWLEDGE ||
-                                o->command == FB_COMMAND_CLOSE;
+                                o->command == FB_COMMAND_RESTART || o->command == FB_COMMAND_CLOSE;
     if (!stop && o->epoch != r->options.epoch)
         return FB_ANSWER_WRONG_EPOCH;
     if (!stop && o->command != FB_COMMAND_LEASE &&
         (r->lease_token == 0 || o->token != r->lease_token))
         return FB_ANSWER_NO_LEASE;
-    const int8_t next = after_command[r->state][o->command];
-    if (next == NO)
+    const int next = fb_after_command(r->state, o->command);
+    if (next == FB_STAY_REFUSED)
         return FB_ANSWER_WRONG_STATE;
     if (names_transfer && o->transfer != r->store.transfer)
         return FB_ANSWER_WRONG_TRANSFER;
-    const FbAnswer answer = effect(r, o, next != KEEP, now_us, actions);
-    if (next != KEEP && (answer == FB_ANSWER_DONE || answer == FB_ANSWER_NONE))
-        r->state = (FbState)next;
+    const FbAnswer answer = effect(r, o, next != FB_STAY, now_us, actions);
+    if (next != FB_STAY && (answer == FB_ANSWER_DONE || answer == FB_ANSWER_NONE))
+        r->state = without_dripped(r, (FbState)next);
     return answer;
 }
 
@@ -306,8 +335,8 @@ static Record *find_record(FbReceiver *r, uint32_t session)
     return oldest;
 }
 
-static FbAnswer take_order(FbReceiver *r, const uint8_t *bytes, size_t n, int64_t now_us,
-                           GArray *actions)
+static FbAnswer take_order(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
+                           int64_t now_us, GArray *actions)
 {
     FbOrder o;
     FbAnswer answer = fb_wire_get_order(bytes, n, &o);
@@ -316,6 +345,8 @@ static FbAnswer take_order(FbReceiver *r, const uint8_t *bytes, size_t n, int64_
         r->last.command = o.command;
     if (answer != FB_ANSWER_DONE)
         return answer;
+    if (!fb_role_may(role, o.command))
+        return r->last.answer = FB_ANSWER_ROLE;
     hear_agent(r, o.session, o.token, now_us);
     Record *record = find_record(r, o.session);
     record->used = ++r->n_used;
@@ -343,49 +374,38 @@ static void settle_verify(FbReceiver *r, FbAnswer answer)
 
 /* ------------------------------------------------------------------------ chunks */
 
-static FbAnswer take_chunk(FbReceiver *r, const uint8_t *bytes, size_t n)
+/* A program that drips goes on coming in while it is run. */
+static bool takes_chunks(const FbReceiver *r)
+{
+    return r->state == FB_STATE_LOADING ||
+           (r->store.drip && (r->state == FB_STATE_READY || is_run(r->state)));
+}
+
+static FbAnswer take_chunk(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
+                           GArray *actions)
 {
     FbChunk chunk;
-    const FbAnswer answer = fb_wire_get_chunk(bytes, n, &chunk);
+    FbAnswer answer = fb_wire_get_chunk(bytes, n, &chunk);
     if (answer != FB_ANSWER_DONE)
         return answer;
+    if (!fb_role_may(role, FB_COMMAND_OPEN))
+        return FB_ANSWER_ROLE;
     if (chunk.epoch != r->options.epoch)
         return FB_ANSWER_WRONG_EPOCH;
-    if (r->state != FB_STATE_LOADING)
+    if (!takes_chunks(r))
         return FB_ANSWER_WRONG_STATE;
     if (chunk.transfer != r->store.transfer)
         return FB_ANSWER_WRONG_TRANSFER;
-    return fb_store_chunk(&r->store, &chunk);
+    const size_t released = r->store.n_released;
+    answer = fb_store_chunk(&r->store, &chunk);
+    if (r->verified && r->store.n_released > released)
+        act(actions, FB_DO_PASS);
+    if (answer == FB_ANSWER_HASH && is_run(r->state))
+        act(actions, FB_DO_HOLD_AT_GATE);
+    return answer;
 }
 
 /* ----------------------------------------------------------------------- machine */
-
-enum { BACK = -3 };
-
-/* Section 3.2: state × what happens at the machine → the state after it. */
-static const int8_t after_event[N_STATES][N_EVENTS] = {
-#define S(x) FB_STATE_##x
-    /* VERIFIED REFUSED RUNNING HELD PROGRAM_STOP TOOL_CHANGE COMPLETE ABORTED ALARM ESTOP ACKN. */
-    [S(OFF)] = {NO, NO, NO, NO, NO, NO, NO, NO, NO, S(ESTOP), S(IDLE)},
-    [S(IDLE)] = {NO, NO, NO, NO, NO, NO, NO, NO, S(ALARM), S(ESTOP), NO},
-    [S(LOADING)] = {NO, NO, NO, NO, NO, NO, NO, NO, S(ALARM), S(ESTOP), NO},
-    [S(VERIFYING)] = {S(READY), S(LOADING), NO, NO, NO, NO, NO, NO, S(ALARM), S(ESTOP), NO},
-    [S(READY)] = {NO, NO, NO, NO, NO, NO, NO, NO, S(ALARM), S(ESTOP), NO},
-    [S(RUNNING)] = {NO, NO, NO, S(HELD), S(PROGRAM_STOP), S(TOOL_CHANGE), S(COMPLETE), S(READY),
-                    S(ALARM), S(ESTOP), NO},
-    [S(HOLDING)] = {NO, NO, NO, S(HELD), S(PROGRAM_STOP), NO, S(COMPLETE), S(READY), S(ALARM),
-                    S(ESTOP), NO},
-    [S(HELD)] = {NO, NO, S(RUNNING), NO, NO, NO, NO, S(READY), S(ALARM), S(ESTOP), NO},
-    [S(PROGRAM_STOP)] = {NO, NO, S(RUNNING), NO, NO, NO, S(COMPLETE), S(READY), S(ALARM), S(ESTOP),
-                         NO},
-    [S(TOOL_CHANGE)] = {NO, NO, S(RUNNING), S(HELD), S(PROGRAM_STOP), NO, S(COMPLETE), S(READY),
-                        S(ALARM), S(ESTOP), NO},
-    [S(ABORTING)] = {NO, NO, NO, NO, NO, NO, S(COMPLETE), S(READY), S(ALARM), S(ESTOP), NO},
-    [S(COMPLETE)] = {NO, NO, NO, NO, NO, NO, NO, NO, S(ALARM), S(ESTOP), NO},
-    [S(ALARM)] = {NO, NO, NO, NO, NO, NO, NO, NO, NO, S(ESTOP), BACK},
-    [S(ESTOP)] = {NO, NO, NO, NO, NO, NO, NO, NO, NO, NO, BACK},
-#undef S
-};
 
 static FbState state_behind_alarm(const FbReceiver *r)
 {
@@ -394,15 +414,18 @@ static FbState state_behind_alarm(const FbReceiver *r)
     return r->store.transfer ? FB_STATE_LOADING : FB_STATE_IDLE;
 }
 
-static void end_run(FbReceiver *r, FbRunEnd how)
+static void end_run(FbReceiver *r, FbRunEnd how, GArray *actions)
 {
-    if (is_run(r->state))
-        r->run_end = how;
+    if (!is_run(r->state))
+        return;
+    r->run_end = how;
+    if (r->store.drip && how != FB_RUN_COMPLETE)
+        forget(r, actions);
 }
 
-static void stop_by_alarm(FbReceiver *r, const FbAlarm *alarm)
+static void stop_by_alarm(FbReceiver *r, const FbAlarm *alarm, GArray *actions)
 {
-    end_run(r, FB_RUN_ALARM);
+    end_run(r, FB_RUN_ALARM, actions);
     if (r->state == FB_STATE_VERIFYING)
         settle_verify(r, FB_ANSWER_PROGRAM);
     r->needs_acknowledge = true;
@@ -413,13 +436,13 @@ void fb_receiver_machine(FbReceiver *r, FbMachineEvent event, const FbAlarm *ala
                          GArray *actions)
 {
     watch_agent(r, now_us, actions);
-    const int8_t next = after_event[r->state][event];
+    const int next = fb_after_event(r->state, event);
     if (event == FB_MACHINE_ACKNOWLEDGED) {
         r->needs_acknowledge = false;
-        if (next != NO)
+        if (next != FB_STAY_REFUSED)
             set_alarm(r, NULL);
     }
-    if (next == NO)
+    if (next == FB_STAY_REFUSED)
         return;
     switch (event) {
     case FB_MACHINE_VERIFIED:
@@ -431,19 +454,19 @@ void fb_receiver_machine(FbReceiver *r, FbMachineEvent event, const FbAlarm *ala
         set_alarm(r, alarm);
         break;
     case FB_MACHINE_COMPLETE:
-        end_run(r, FB_RUN_COMPLETE);
+        end_run(r, FB_RUN_COMPLETE, actions);
         break;
     case FB_MACHINE_ABORTED:
-        end_run(r, FB_RUN_ABORTED);
+        end_run(r, FB_RUN_ABORTED, actions);
         break;
     case FB_MACHINE_ALARM:
     case FB_MACHINE_ESTOP:
-        stop_by_alarm(r, alarm);
+        stop_by_alarm(r, alarm, actions);
         break;
     default:
         break;
     }
-    r->state = next == BACK ? state_behind_alarm(r) : (FbState)next;
+    r->state = next == FB_BACK ? state_behind_alarm(r) : without_dripped(r, (FbState)next);
 }
 
 void fb_receiver_progress(FbReceiver *r, const FbProgress *progress)
@@ -451,6 +474,15 @@ void fb_receiver_progress(FbReceiver *r, const FbProgress *progress)
     const uint64_t executed = MAX(r->progress.executed_blocks, progress->executed_blocks);
     r->progress = *progress;
     r->progress.executed_blocks = executed;
+    if (is_run(r->state))
+        fb_store_forget(&r->store, progress->gate);
+}
+
+void fb_receiver_set_setup(FbReceiver *r, const FbSetup *setup)
+{
+    const uint16_t serial = r->setup.serial;
+    r->setup = *setup;
+    r->setup.serial = (uint16_t)(serial + 1);
 }
 
 int64_t fb_receiver_tick(FbReceiver *r, int64_t now_us, GArray *actions)
@@ -485,7 +517,7 @@ void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
         .transfer = store->transfer,
         .length = store->length,
         .received = store->transfer ? fb_store_received(store) : 0,
-        .may_send_to = store->length,
+        .may_send_to = fb_store_may_send_to(store),
         .gates = store->open.gates,
         .gates_crc = store->open.gates_crc,
         .lease_owner = (uint32_t)(r->lease_token >> 32),
@@ -499,13 +531,15 @@ void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
         .agent_lost = r->agent_lost,
         .run = r->run,
         .run_end = r->run_end,
-        .window_max = 1,
+        .window_max = FB_WINDOW_MOST,
+        .window = CLAMP(store->open.window, 1, FB_WINDOW_MOST),
         .chunk_max = FB_CHUNK_BYTES,
         .alarm_code = r->alarm_code,
         .alarm_serial = r->alarm_serial,
-        .feed_override_percent = 100,
-        .rapid_override_percent = 100,
-        .spindle_override_percent = 100,
+        .feed_override_percent = r->overrides.feed_percent,
+        .rapid_override_percent = r->overrides.rapid_percent,
+        .spindle_override_percent = r->overrides.spindle_percent,
+        .optional_stop = r->overrides.optional_stop,
         .line = r->progress.line,
         .executed_blocks = r->progress.executed_blocks,
         .tool = r->progress.tool,
@@ -513,6 +547,17 @@ void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
         .spindle_rpm = r->progress.spindle_rpm,
         .program_time_ms = r->progress.program_time_ms,
         .heartbeat = r->heartbeat,
+        .gate = r->progress.gate,
+        .stop_line = r->progress.stop_line,
+        .drip = store->drip,
+        .starving = r->progress.starving,
+        .starved = r->progress.starved,
+        .starved_ms = r->progress.starved_ms,
+        .released = fb_store_released(store),
+        .memory_bytes = r->options.memory_bytes,
+        .setup_serial = r->setup.serial,
+        .n_tools = r->setup.n_tools,
+        .work_offset = r->progress.work_offset,
     };
     memcpy(s->position_mm, r->progress.position_mm, sizeof s->position_mm);
     memcpy(s->id, store->open.id, sizeof s->id);
@@ -537,6 +582,36 @@ const uint64_t *fb_receiver_gates(const FbReceiver *r, size_t *n)
     return r->store.gates;
 }
 
+bool fb_receiver_drips(const FbReceiver *r)
+{
+    return r->store.drip;
+}
+
+size_t fb_receiver_released(const FbReceiver *r)
+{
+    return r->store.n_released;
+}
+
+GBytes *fb_receiver_pass(const FbReceiver *r, size_t pass)
+{
+    return fb_store_pass(&r->store, pass);
+}
+
+uint32_t fb_receiver_restart_gate(const FbReceiver *r)
+{
+    return r->restart_gate;
+}
+
+FbArguments fb_receiver_overrides(const FbReceiver *r)
+{
+    return r->overrides;
+}
+
+const FbSetup *fb_receiver_setup(const FbReceiver *r)
+{
+    return &r->setup;
+}
+
 const uint64_t *fb_receiver_counts(const FbReceiver *r)
 {
     return r->counts;
@@ -548,6 +623,7 @@ FbReceiver *fb_receiver_new(const FbReceiverOptions *options)
     g_assert(options->epoch != 0);
     r->options = *options;
     r->state = FB_STATE_OFF;
+    r->overrides = (FbArguments){100, 100, 100, false};
     return r;
 }
 

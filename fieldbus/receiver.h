@@ -7,9 +7,9 @@
 
 typedef enum { FB_BLOCK_COMMAND = 1, FB_BLOCK_CHUNK, FB_BLOCK_BEAT } FbBlock;
 
-/* Steps by a block of any n bytes; the answer is also in the status from then on. Appends FbDo
- * values to `actions`. */
-FbAnswer fb_receiver_write(FbReceiver *receiver, FbBlock block, const uint8_t *bytes, size_t n,
-                           int64_t now_us, GArray *actions);
+/* Steps by a block of any n bytes from somebody of this role; the answer is also in the status from
+ * then on. Appends FbDo values to `actions`. */
+FbAnswer fb_receiver_write(FbReceiver *receiver, FbRole role, FbBlock block, const uint8_t *bytes,
+                           size_t n, int64_t now_us, GArray *actions);
 
 #endif

@@ -7,13 +7,19 @@
 #include <gio/gio.h>
 #include <string.h>
 
-#include "fieldbus/modbus_client.h"
+#include "fieldbus/driver.h"
+#include "fieldbus/modbus/client.h"
+
+typedef struct {
+    FbCommand command;
+    FbArguments arguments;
+} Command;
 
 struct FbSession {
     char *address;
     FbSessionCallbacks callbacks;
-    FbModbusClient *work, *control;
-    GQueue commands; /* FbCommand that wait for `control` */
+    FbDriver *work, *control;
+    GQueue commands; /* of Command, that wait for `control` */
     FbStatus status; /* as shown last */
 };
 
@@ -36,7 +42,7 @@ static void tell(FbSession *s, FbTask task, const GError *error)
 static void on_work_show(void *data)
 {
     FbSession *s = data;
-    show(s, fb_modbus_client_delivery(s->work));
+    show(s, fb_driver_delivery(s->work));
 }
 
 static void on_work_ended(FbTask task, const GError *error, void *data)
@@ -46,18 +52,18 @@ static void on_work_ended(FbTask task, const GError *error, void *data)
 
 static void next_command(FbSession *s)
 {
-    FbDelivery *control = fb_modbus_client_delivery(s->control);
+    FbDelivery *control = fb_driver_delivery(s->control);
     if (fb_delivery_busy(control) || g_queue_is_empty(&s->commands))
         return;
-    const FbCommand command = (FbCommand)GPOINTER_TO_INT(g_queue_pop_head(&s->commands));
-    fb_delivery_command(control, command, g_get_monotonic_time());
-    fb_modbus_client_wake(s->control);
+    g_autofree Command *next = g_queue_pop_head(&s->commands);
+    fb_delivery_command(control, next->command, &next->arguments, g_get_monotonic_time());
+    fb_driver_wake(s->control);
 }
 
 static void on_control_ended(FbTask task, const GError *error, void *data)
 {
     FbSession *s = data;
-    const FbDelivery *control = fb_modbus_client_delivery(s->control);
+    const FbDelivery *control = fb_driver_delivery(s->control);
     if (fb_delivery_status(control)->state != FB_STATE_UNKNOWN)
         show(s, control);
     next_command(s);
@@ -66,20 +72,40 @@ static void on_control_ended(FbTask task, const GError *error, void *data)
 
 void fb_session_deliver(FbSession *s, GBytes *program, const uint64_t *gates, size_t n_gates)
 {
-    fb_delivery_deliver(fb_modbus_client_delivery(s->work), program, gates, n_gates,
+    fb_delivery_deliver(fb_driver_delivery(s->work), program, gates, n_gates,
                         g_get_monotonic_time());
-    fb_modbus_client_wake(s->work);
+    fb_driver_wake(s->work);
 }
 
 void fb_session_start(FbSession *s)
 {
-    fb_delivery_start(fb_modbus_client_delivery(s->work), g_get_monotonic_time());
-    fb_modbus_client_wake(s->work);
+    fb_delivery_start(fb_driver_delivery(s->work), g_get_monotonic_time());
+    fb_driver_wake(s->work);
 }
 
-void fb_session_command(FbSession *s, FbCommand command)
+void fb_session_start_stored(FbSession *s, const FbStored *stored)
 {
-    const gpointer item = GINT_TO_POINTER(command);
+    fb_delivery_start_stored(fb_driver_delivery(s->work), stored, g_get_monotonic_time());
+    fb_driver_wake(s->work);
+}
+
+void fb_session_read_setup(FbSession *s)
+{
+    fb_delivery_read_setup(fb_driver_delivery(s->work), g_get_monotonic_time());
+    fb_driver_wake(s->work);
+}
+
+const FbSetup *fb_session_setup(const FbSession *s)
+{
+    return fb_delivery_setup(fb_driver_delivery(s->work));
+}
+
+void fb_session_command(FbSession *s, FbCommand command, const FbArguments *arguments)
+{
+    Command *item = g_new0(Command, 1);
+    item->command = command;
+    if (arguments)
+        item->arguments = *arguments;
     if (command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT)
         g_queue_push_head(&s->commands, item);
     else
@@ -94,8 +120,8 @@ const FbStatus *fb_session_status(const FbSession *s)
 
 void fb_session_set_token(FbSession *s, uint64_t token)
 {
-    fb_delivery_set_token(fb_modbus_client_delivery(s->work), token);
-    fb_delivery_set_token(fb_modbus_client_delivery(s->control), token);
+    fb_delivery_set_token(fb_driver_delivery(s->work), token);
+    fb_delivery_set_token(fb_driver_delivery(s->control), token);
 }
 
 static bool parse_address(const char *address, char **host, uint16_t *port, GError **error)
@@ -124,40 +150,50 @@ static FbDelivery *new_delivery(const CfgAgent *agent, uint64_t token)
         .reconnect_us = (int64_t)(agent->reconnect_s * 1e6),
         .give_up_us = (int64_t)(agent->give_up_s * 1e6),
         .heartbeat_us = (int64_t)(agent->heartbeat_s * 1e6),
+        .window = (uint16_t)agent->window,
+        .drip = agent->drip,
     };
     return fb_delivery_new(&options, g_get_monotonic_time());
 }
 
-FbSession *fb_session_new(const char *address, int unit_id, const CfgAgent *agent,
+/* A driver with the transport that the target's address asks for; NULL with an error. */
+static FbDriver *new_driver(FbSession *s, const CfgTarget *target, const CfgAgent *agent,
+                            uint64_t token, const FbDriverCallbacks *callbacks,
+                            GMainContext *context, GError **error)
+{
+    g_autofree char *host = NULL;
+    uint16_t port;
+    if (!parse_address(target->address, &host, &port, error))
+        return NULL;
+    FbDriver *driver = fb_driver_new(new_delivery(agent, token), callbacks, s, context);
+    fb_modbus_client_attach(driver, host, port, target->unit_id);
+    return driver;
+}
+
+FbSession *fb_session_new(const CfgTarget *target, const CfgAgent *agent,
                           const FbSessionCallbacks *callbacks, GMainContext *context,
                           GError **error)
 {
-    static const FbModbusClientCallbacks work = {on_work_show, on_work_ended};
-    static const FbModbusClientCallbacks control = {NULL, on_control_ended};
-    g_autofree char *host = NULL;
-    uint16_t port;
-    if (!parse_address(address, &host, &port, error))
-        return NULL;
-    FbSession *s = g_new0(FbSession, 1);
+    static const FbDriverCallbacks work = {on_work_show, on_work_ended};
+    static const FbDriverCallbacks control = {NULL, on_control_ended};
+    g_autoptr(FbSession) s = g_new0(FbSession, 1);
     const uint64_t token = (uint64_t)(g_random_int() | 1) << 32 | g_random_int();
-    s->address = g_strdup(address);
+    s->address = g_strdup(target->address);
     s->callbacks = *callbacks;
     s->status.state = FB_STATE_UNKNOWN;
     g_queue_init(&s->commands);
-    s->work =
-        fb_modbus_client_new(host, port, unit_id, new_delivery(agent, token), &work, s, context);
-    s->control =
-        fb_modbus_client_new(host, port, unit_id, new_delivery(agent, token), &control, s, context);
-    return s;
+    s->work = new_driver(s, target, agent, token, &work, context, error);
+    s->control = s->work ? new_driver(s, target, agent, token, &control, context, error) : NULL;
+    return s->control ? g_steal_pointer(&s) : NULL;
 }
 
 void fb_session_free(FbSession *s)
 {
     if (!s)
         return;
-    fb_modbus_client_free(s->work);
-    fb_modbus_client_free(s->control);
-    g_queue_clear(&s->commands);
+    fb_driver_free(s->work);
+    fb_driver_free(s->control);
+    g_queue_clear_full(&s->commands, g_free);
     g_free(s->address);
     g_free(s);
 }

@@ -103,7 +103,21 @@ static uint32_t crc_around(const uint8_t *block, size_t n, size_t behind)
 
 /* --------------------------------------------------------------------- status, alarm */
 
-enum { FLAG_NEEDS_ACKNOWLEDGE = 1, FLAG_AGENT_LOST = 2 };
+enum {
+    FLAG_NEEDS_ACKNOWLEDGE = 1 << 0,
+    FLAG_AGENT_LOST = 1 << 1,
+    FLAG_DRIP = 1 << 2,
+    FLAG_STARVING = 1 << 3,
+    FLAG_OPTIONAL_STOP = 1 << 4,
+};
+
+static uint16_t flags_of(const FbStatus *s)
+{
+    return (uint16_t)((s->needs_acknowledge ? FLAG_NEEDS_ACKNOWLEDGE : 0) |
+                      (s->agent_lost ? FLAG_AGENT_LOST : 0) | (s->drip ? FLAG_DRIP : 0) |
+                      (s->starving ? FLAG_STARVING : 0) |
+                      (s->optional_stop ? FLAG_OPTIONAL_STOP : 0));
+}
 
 size_t fb_wire_put_status(uint8_t *out, const FbStatus *s)
 {
@@ -115,8 +129,7 @@ size_t fb_wire_put_status(uint8_t *out, const FbStatus *s)
     p = put32(put32(p, s->command_session), s->command_seq);
     p = put16(put16(p, (uint16_t)s->command), (uint16_t)s->answer);
     p = put16(p, (uint16_t)s->chunk_answer);
-    p = put16(p, (uint16_t)((s->needs_acknowledge ? FLAG_NEEDS_ACKNOWLEDGE : 0) |
-                            (s->agent_lost ? FLAG_AGENT_LOST : 0)));
+    p = put16(p, flags_of(s));
     p = put32(put32(p, s->lease_owner), s->lease_ms);
     p = put32(put32(p, s->heartbeat), s->run);
     p = put16(put16(put16(p, (uint16_t)s->run_end), s->alarm_code), s->alarm_serial);
@@ -130,6 +143,12 @@ size_t fb_wire_put_status(uint8_t *out, const FbStatus *s)
         p = put_fixed(p, s->position_mm[i], 1000, INT32_MIN, INT32_MAX);
     p = put_fixed(p, s->feed_mm_min, 1000, 0, UINT32_MAX);
     p = put_fixed(p, s->spindle_rpm, 1000, INT32_MIN, INT32_MAX);
+    p = put16(put16(p, s->window), s->work_offset);
+    p = put32(put32(p, s->starved), s->starved_ms);
+    p = put64(p, s->released);
+    p = put32(put32(p, s->gate), s->stop_line);
+    p = put16(put16(p, s->setup_serial), s->n_tools);
+    p = put64(p, s->memory_bytes);
     memset(p, 0, (size_t)(out + FB_STATUS_BYTES - p));
     put32(out + FB_STATUS_BYTES - 4, fb_wire_crc(out, FB_STATUS_BYTES - 4));
     return FB_STATUS_BYTES;
@@ -140,7 +159,7 @@ static bool status_is_possible(const FbStatus *s)
     return s->protocol_version >> 8 == FB_PROTOCOL_VERSION >> 8 && s->state < FB_STATE_UNKNOWN &&
            s->command < 32 && s->answer < 32 && s->chunk_answer < 32 && s->run_end < 4 &&
            s->epoch != 0 && s->received <= s->length && s->chunk_max >= 1 &&
-           s->chunk_max <= FB_CHUNK_BYTES;
+           s->chunk_max <= FB_CHUNK_BYTES && s->n_tools <= FB_TOOLS_MOST;
 }
 
 bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *s)
@@ -168,6 +187,9 @@ bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *s)
     const uint16_t flags = get16(&p);
     s->needs_acknowledge = flags & FLAG_NEEDS_ACKNOWLEDGE;
     s->agent_lost = flags & FLAG_AGENT_LOST;
+    s->drip = flags & FLAG_DRIP;
+    s->starving = flags & FLAG_STARVING;
+    s->optional_stop = flags & FLAG_OPTIONAL_STOP;
     s->lease_owner = get32(&p);
     s->lease_ms = get32(&p);
     s->heartbeat = get32(&p);
@@ -188,6 +210,16 @@ bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *s)
         s->position_mm[i] = get_fixed(&p, 1000);
     s->feed_mm_min = get32(&p) / 1000.0;
     s->spindle_rpm = get_fixed(&p, 1000);
+    s->window = get16(&p);
+    s->work_offset = get16(&p);
+    s->starved = get32(&p);
+    s->starved_ms = get32(&p);
+    s->released = get64(&p);
+    s->gate = get32(&p);
+    s->stop_line = get32(&p);
+    s->setup_serial = get16(&p);
+    s->n_tools = get16(&p);
+    s->memory_bytes = get64(&p);
     return status_is_possible(s);
 }
 
@@ -212,22 +244,193 @@ bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *s)
     return true;
 }
 
+/* The last four bytes of a block are the CRC of those before. */
+static size_t seal(uint8_t *out, size_t n)
+{
+    put32(out + n - 4, fb_wire_crc(out, n - 4));
+    return n;
+}
+
+static bool is_sealed(const uint8_t *in, size_t n, size_t expected)
+{
+    const uint8_t *p = in + expected - 4;
+    return n == expected && get32(&p) == fb_wire_crc(in, expected - 4);
+}
+
+size_t fb_wire_put_ack(uint8_t *out, const FbStatus *s)
+{
+    uint8_t *p = put32(put32(out, s->epoch), s->transfer);
+    p = put64(put64(p, s->received), s->may_send_to);
+    put16(put16(p, (uint16_t)s->state), (uint16_t)s->chunk_answer);
+    return seal(out, FB_ACK_BYTES);
+}
+
+bool fb_wire_get_ack(const uint8_t *in, size_t n, FbStatus *status)
+{
+    const uint8_t *p = in;
+    FbStatus s = *status;
+    if (!is_sealed(in, n, FB_ACK_BYTES))
+        return false;
+    s.epoch = get32(&p);
+    s.transfer = get32(&p);
+    s.received = get64(&p);
+    s.may_send_to = get64(&p);
+    s.state = (FbState)get16(&p);
+    s.chunk_answer = (FbAnswer)get16(&p);
+    if (!status_is_possible(&s))
+        return false;
+    *status = s;
+    return true;
+}
+
+/* ---------------------------------------------------------------- tools and offsets */
+
+#define UNITS_A_MM 10000.0 /* of 0.1 µm */
+
+static uint8_t *put_length(uint8_t *p, double mm)
+{
+    return put_fixed(p, mm, UNITS_A_MM, INT32_MIN, INT32_MAX);
+}
+
+size_t fb_wire_put_offsets(uint8_t *out, const FbSetup *setup)
+{
+    uint8_t *p = put16(put16(out, setup->serial), setup->work_offset);
+    for (int i = 0; i < 6; i++)
+        for (int axis = 0; axis < 3; axis++)
+            p = put_length(p, setup->work_offset_mm[i][axis]);
+    return seal(out, FB_OFFSETS_BYTES);
+}
+
+bool fb_wire_get_offsets(const uint8_t *in, size_t n, FbSetup *setup)
+{
+    const uint8_t *p = in;
+    if (!is_sealed(in, n, FB_OFFSETS_BYTES))
+        return false;
+    setup->serial = get16(&p);
+    setup->work_offset = get16(&p);
+    for (int i = 0; i < 6; i++)
+        for (int axis = 0; axis < 3; axis++)
+            setup->work_offset_mm[i][axis] = get_fixed(&p, UNITS_A_MM);
+    return true;
+}
+
+size_t fb_wire_put_tools(uint8_t *out, const FbSetup *setup, unsigned page)
+{
+    uint8_t *p = put16(put16(out, setup->serial), setup->n_tools);
+    memset(p, 0, (size_t)(out + FB_TOOLS_BYTES - p));
+    for (unsigned i = page * FB_TOOLS_A_PAGE; i < MIN(setup->n_tools, (page + 1) * FB_TOOLS_A_PAGE);
+         i++) {
+        const FbTool *t = &setup->tools[i];
+        p = put16(put16(put32(p, (uint32_t)t->number), (uint16_t)t->kind), 0);
+        p = put_length(put_length(put_length(p, t->diameter_mm), t->corner_radius_mm),
+                       t->length_mm);
+    }
+    return seal(out, FB_TOOLS_BYTES);
+}
+
+bool fb_wire_get_tools(const uint8_t *in, size_t n, unsigned page, FbSetup *setup)
+{
+    const uint8_t *p = in;
+    if (!is_sealed(in, n, FB_TOOLS_BYTES) || get16(&p) != setup->serial)
+        return false;
+    setup->n_tools = get16(&p);
+    if (setup->n_tools > FB_TOOLS_MOST)
+        return false;
+    for (unsigned i = page * FB_TOOLS_A_PAGE; i < MIN(setup->n_tools, (page + 1) * FB_TOOLS_A_PAGE);
+         i++) {
+        FbTool *t = &setup->tools[i];
+        t->number = (int32_t)get32(&p);
+        const uint16_t kind = get16(&p);
+        if (kind > CFG_TOOL_BULL)
+            return false;
+        t->kind = (CfgToolKind)kind;
+        p += 2;
+        t->diameter_mm = get_fixed(&p, UNITS_A_MM);
+        t->corner_radius_mm = get_fixed(&p, UNITS_A_MM);
+        t->length_mm = get_fixed(&p, UNITS_A_MM);
+    }
+    return true;
+}
+
 /* ---------------------------------------------------------------- command, chunk, beat */
+
+static size_t argument_bytes(FbCommand command)
+{
+    switch (command) {
+    case FB_COMMAND_OPEN:
+        return FB_OPEN_BYTES;
+    case FB_COMMAND_RESTART:
+        return FB_RESTART_BYTES;
+    case FB_COMMAND_OVERRIDE:
+        return FB_OVERRIDE_BYTES;
+    case FB_COMMAND_OPTIONAL_STOP:
+        return FB_OPTIONAL_STOP_BYTES;
+    default:
+        return 0;
+    }
+}
+
+static void put_arguments(uint8_t *p, const FbOrder *o)
+{
+    const FbArguments *a = &o->arguments;
+    switch (o->command) {
+    case FB_COMMAND_OPEN:
+        p = put_bytes(p, o->open.id, sizeof o->open.id);
+        p = put32(put32(put64(p, o->open.program_bytes), o->open.gates), o->open.gates_crc);
+        put16(put16(p, o->open.flags), o->open.window);
+        break;
+    case FB_COMMAND_RESTART:
+        put64(put32(p, o->gate), o->gate_offset);
+        break;
+    case FB_COMMAND_OVERRIDE:
+        put16(put16(put16(p, a->feed_percent), a->rapid_percent), a->spindle_percent);
+        break;
+    case FB_COMMAND_OPTIONAL_STOP:
+        put16(p, a->optional_stop);
+        break;
+    default:
+        break;
+    }
+}
+
+static void get_arguments(const uint8_t *p, FbOrder *o)
+{
+    FbArguments *a = &o->arguments;
+    switch (o->command) {
+    case FB_COMMAND_OPEN:
+        get_bytes(&p, o->open.id, sizeof o->open.id);
+        o->open.program_bytes = get64(&p);
+        o->open.gates = get32(&p);
+        o->open.gates_crc = get32(&p);
+        o->open.flags = get16(&p);
+        o->open.window = get16(&p);
+        break;
+    case FB_COMMAND_RESTART:
+        o->gate = get32(&p);
+        o->gate_offset = get64(&p);
+        break;
+    case FB_COMMAND_OVERRIDE:
+        a->feed_percent = get16(&p);
+        a->rapid_percent = get16(&p);
+        a->spindle_percent = get16(&p);
+        break;
+    case FB_COMMAND_OPTIONAL_STOP:
+        a->optional_stop = get16(&p) != 0;
+        break;
+    default:
+        break;
+    }
+}
 
 size_t fb_wire_put_order(uint8_t *out, const FbOrder *o)
 {
-    const bool open = o->command == FB_COMMAND_OPEN;
-    const uint16_t arguments = open ? FB_OPEN_BYTES : 0;
+    const size_t arguments = argument_bytes(o->command);
     uint8_t *p = put32(put32(out, o->session), o->seq);
     p = put64(put32(put32(p, o->epoch), o->transfer), o->token);
-    p = put16(put16(p, (uint16_t)o->command), arguments);
-    if (open) {
-        uint8_t *q = put_bytes(p + 4, o->open.id, sizeof o->open.id);
-        q = put32(put32(put64(q, o->open.program_bytes), o->open.gates), o->open.gates_crc);
-        put16(put16(q, o->open.flags), o->open.window);
-    }
+    p = put16(put16(p, (uint16_t)o->command), (uint16_t)arguments);
+    put_arguments(p + 4, o);
     put32(p, crc_around(out, FB_COMMAND_BYTES - 4, arguments));
-    return FB_COMMAND_BYTES + (size_t)arguments;
+    return FB_COMMAND_BYTES + arguments;
 }
 
 FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *o)
@@ -250,19 +453,10 @@ FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *o)
     o->token = get64(&p);
     o->command = (FbCommand)get16(&p);
     o->crc = crc;
-    p = in + FB_COMMAND_BYTES;
-    const size_t expected = o->command == FB_COMMAND_OPEN ? FB_OPEN_BYTES : 0;
-    if (arguments != expected || o->command == FB_COMMAND_NONE || o->command >= FB_N_COMMANDS ||
-        o->session == 0 || o->seq == 0)
+    if (o->command == FB_COMMAND_NONE || o->command >= FB_N_COMMANDS || o->session == 0 ||
+        o->seq == 0 || arguments != argument_bytes(o->command))
         return FB_ANSWER_MALFORMED;
-    if (o->command == FB_COMMAND_OPEN) {
-        get_bytes(&p, o->open.id, sizeof o->open.id);
-        o->open.program_bytes = get64(&p);
-        o->open.gates = get32(&p);
-        o->open.gates_crc = get32(&p);
-        o->open.flags = get16(&p);
-        o->open.window = get16(&p);
-    }
+    get_arguments(in + FB_COMMAND_BYTES, o);
     return FB_ANSWER_DONE;
 }
 
@@ -316,14 +510,14 @@ FbAnswer fb_wire_get_beat(const uint8_t *in, size_t n, FbBeat *b)
 
 /* -------------------------------------------------------------------------- gates */
 
-void fb_wire_put_gates(uint8_t *out, const uint64_t *gates, size_t n)
+void fb_wire_put_gate(uint8_t *out, uint64_t offset, const uint8_t *hash)
 {
-    for (size_t i = 0; i < n; i++)
-        out = put64(out, gates[i]);
+    uint8_t *p = put64(out, offset);
+    if (hash)
+        put_bytes(p, hash, FB_DRIP_GATE_BYTES - FB_GATE_BYTES);
 }
 
-void fb_wire_get_gates(const uint8_t *in, uint64_t *gates, size_t n)
+uint64_t fb_wire_get_gate(const uint8_t *entry)
 {
-    for (size_t i = 0; i < n; i++)
-        gates[i] = get64(&in);
+    return get64(&entry);
 }

@@ -134,6 +134,11 @@ static void act(FbDo what, void *data)
     case FB_DO_ABORT:
         step(machine, SIM_ABORT, NULL);
         break;
+    case FB_DO_RESTART:
+    case FB_DO_PASS:
+    case FB_DO_OVERRIDE:
+    case FB_DO_OPTIONAL_STOP:
+        break;
     case FB_DO_FORGET:
         machine->examination = NULL;
         step(machine, SIM_FORGET, NULL);

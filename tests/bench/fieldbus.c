@@ -50,7 +50,7 @@ static double raw_libmodbus(void)
 {
     struct sockaddr_in at = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
     socklen_t n = sizeof at;
-    uint16_t out[FB_WRITE_BYTES / 2] = {0}, in[FB_STATUS_BYTES / 2];
+    uint16_t out[242 / 2] = {0}, in[FB_STATUS_BYTES / 2];
     const int listener = socket(AF_INET, SOCK_STREAM, 0);
     bind(listener, (struct sockaddr *)&at, sizeof at);
     listen(listener, 1);
@@ -62,8 +62,8 @@ static double raw_libmodbus(void)
     modbus_connect(modbus);
     const double began = seconds();
     for (int i = 0; i < RAW_REQUESTS; i++)
-        modbus_write_and_read_registers(modbus, FB_AT_CHUNK, FB_WRITE_BYTES / 2, out, 0,
-                                        FB_STATUS_BYTES / 2, in);
+        modbus_write_and_read_registers(modbus, FB_AT_CHUNK, 242 / 2, out, 0, FB_STATUS_BYTES / 2,
+                                        in);
     const double rate = RAW_REQUESTS / (seconds() - began);
     modbus_close(modbus);
     modbus_free(modbus);
@@ -133,10 +133,10 @@ static void print_holds(FbSession *session, Peer *p)
     static double ms[HOLDS];
     for (int i = 0; i < HOLDS && !p->error; i++) {
         const double began = seconds();
-        fb_session_command(session, FB_COMMAND_HOLD);
+        fb_session_command(session, FB_COMMAND_HOLD, NULL);
         g_main_loop_run(p->loop);
         ms[i] = 1000 * (seconds() - began);
-        fb_session_command(session, FB_COMMAND_RESUME);
+        fb_session_command(session, FB_COMMAND_RESUME, NULL);
         g_main_loop_run(p->loop);
     }
     qsort(ms, HOLDS, sizeof *ms, compare);
@@ -160,7 +160,8 @@ static bool ours(double raw_rate)
     Peer p = {.loop = g_main_loop_new(NULL, FALSE)};
     const FbSessionCallbacks callbacks = {.done = on_done, .data = &p};
     g_autofree char *address = g_strdup_printf("modbus://127.0.0.1:%u", port);
-    FbSession *session = fb_session_new(address, 1, &agent, &callbacks, NULL, &p.error);
+    FbSession *session = fb_session_new(&(CfgTarget){.address = address, .unit_id = 1}, &agent,
+                                        &callbacks, NULL, &p.error);
     char *bytes = g_malloc(PROGRAM_BYTES);
     memset(bytes, 'X', PROGRAM_BYTES);
     g_autoptr(GBytes) program = g_bytes_new_take(bytes, PROGRAM_BYTES);

@@ -68,7 +68,8 @@ static void write_block(Pair *p, unsigned what, uint8_t *block, size_t n)
              FB_CHUNK_HEADER_BYTES - 4);
     else if (what >= MENDED && kind == FB_BLOCK_BEAT)
         mend(block, n, FB_BEAT_BYTES - 4);
-    fb_receiver_write(p->receiver, (FbBlock)kind, block, n, p->now_us, p->actions);
+    fb_receiver_write(p->receiver, FB_ROLE_PROGRAMMER, (FbBlock)kind, block, n, p->now_us,
+                      p->actions);
 }
 
 static void step_delivery(Pair *p, FbEvent event)
@@ -76,7 +77,7 @@ static void step_delivery(Pair *p, FbEvent event)
     FbActions out;
     fb_delivery_step(p->delivery, &event, p->now_us, &out);
     g_assert(out.wake_us > 0);
-    g_assert(!out.request || out.request->n <= FB_WRITE_BYTES);
+    g_assert(!out.request || out.request->n <= FB_BLOCK_BYTES);
     if (out.ended)
         g_clear_error(&out.error);
 }
@@ -99,7 +100,8 @@ static void task(Pair *p, unsigned which)
     else if (which % 3 == 1)
         fb_delivery_start(p->delivery, p->now_us);
     else
-        fb_delivery_command(p->delivery, (FbCommand)(1 + which % (FB_N_COMMANDS - 1)), p->now_us);
+        fb_delivery_command(p->delivery, (FbCommand)(1 + which % (FB_N_COMMANDS - 1)), NULL,
+                            p->now_us);
 }
 
 static void step(Pair *p, unsigned what, uint8_t *bytes, size_t n)
@@ -128,7 +130,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                                        .memory_bytes = 4096,
                                        .agent_timeout_us = 5000000,
                                        .lease_timeout_us = 30000000};
-    const FbDeliveryOptions agent = {1, UINT64_C(1) << 32, 1000000, 500000, 30000000, 500000};
+    const FbDeliveryOptions agent = {
+        1, UINT64_C(1) << 32, 1000000, 500000, 30000000, 500000, 4, CFG_DRIP_AUTO};
     Pair p = {.receiver = fb_receiver_new(&machine),
               .delivery = fb_delivery_new(&agent, 1),
               .actions = g_array_new(FALSE, FALSE, sizeof(FbDo)),

@@ -86,7 +86,7 @@ static void hold_before_start(void)
     AgentExecution execution = {.link = link, .state = FB_N_STATES, .name = address};
     if (link && agent_execute_deliver(&execution, bytes, &end, 1, &error)) {
         execution.stop = FB_COMMAND_HOLD;
-        fb_session_command(link->session, FB_COMMAND_HOLD);
+        fb_session_command(link->session, FB_COMMAND_HOLD, NULL);
         while (!link->done[FB_TASK_COMMAND])
             g_main_context_iteration(link->context, TRUE);
         g_assert_error(link->error[FB_TASK_COMMAND], FB_ERROR, FB_ERROR_REFUSED);

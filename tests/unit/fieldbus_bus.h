@@ -231,8 +231,8 @@ static inline void bus_serve(Bus *b, const Frame *f)
     if (b->dead)
         return;
     if (f->request.n > 0) {
-        fb_receiver_write(b->receiver, block[f->request.kind], f->request.bytes, f->request.n,
-                          b->now_us, b->actions);
+        fb_receiver_write(b->receiver, FB_ROLE_PROGRAMMER, block[f->request.kind], f->request.bytes,
+                          f->request.n, b->now_us, b->actions);
         bus_do_all(b);
     }
     fb_receiver_status(b->receiver, b->now_us, &status);

@@ -82,7 +82,8 @@ static inline void open_session(Cell *c)
     const FbSessionCallbacks callbacks = {on_status, on_done, c};
     g_autofree char *address =
         g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(c->server));
-    c->session = fb_session_new(address, 1, &agent, &callbacks, c->context, &c->error);
+    c->session = fb_session_new(&(CfgTarget){.address = address, .unit_id = 1}, &agent, &callbacks,
+                                c->context, &c->error);
     g_assert_no_error(c->error);
 }
 

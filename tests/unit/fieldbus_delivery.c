@@ -259,14 +259,14 @@ static void lease_of_another_is_respected(void)
                            .epoch = b->epoch,
                            .token = UINT64_C(9) << 32,
                            .command = FB_COMMAND_LEASE};
-    fb_receiver_write(b->receiver, FB_BLOCK_COMMAND, block, fb_wire_put_order(block, &other),
-                      b->now_us, b->actions);
+    fb_receiver_write(b->receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_COMMAND, block,
+                      fb_wire_put_order(block, &other), b->now_us, b->actions);
     work(b, program, gates);
     g_assert_error(b->error, FB_ERROR, FB_ERROR_REFUSED);
     g_assert_cmpuint(b->starts, ==, 0);
 
     /* A hold needs none; an acknowledgement of COMPLETE does. */
-    fb_delivery_command(b->delivery, FB_COMMAND_CLOSE, b->now_us);
+    fb_delivery_command(b->delivery, FB_COMMAND_CLOSE, NULL, b->now_us);
     b->wake_us = b->now_us;
     g_assert_true(bus_run(b, FB_TASK_COMMAND));
     g_assert_error(b->error, FB_ERROR, FB_ERROR_REFUSED);

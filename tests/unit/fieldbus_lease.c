@@ -79,8 +79,8 @@ static void beats_keep_the_lease(void)
     uint8_t block[FB_BLOCK_BYTES];
     const FbBeat foreign = {.session = 12, .token = RIG_TOKEN};
     rig.now_us += (RIG_AGENT_S - 1) * SECOND;
-    fb_receiver_write(rig.receiver, FB_BLOCK_BEAT, block, fb_wire_put_beat(block, &foreign),
-                      rig.now_us, rig.actions);
+    fb_receiver_write(rig.receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_BEAT, block,
+                      fb_wire_put_beat(block, &foreign), rig.now_us, rig.actions);
     rig.now_us += SECOND;
     fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
     g_assert_true(rig_status(&rig).agent_lost);

@@ -194,7 +194,7 @@ static void chunks(void)
     const char *p = RIG_PROGRAM;
     static const uint8_t zeros[100];
     uint8_t table[2 * FB_GATE_BYTES];
-    fb_wire_put_gates(table, RIG_GATES, 2);
+    rig_put_gates(table, RIG_GATES, 2);
     rig_lead(&rig, FB_STATE_IDLE);
     rig.transfer = 1;
     g_assert_cmpstr(fb_answer_name(rig_chunk(&rig, 0, p, 4)), ==, "WRONG_STATE");
@@ -239,13 +239,13 @@ static void damaged_blocks(void)
     rig_lead(&rig, FB_STATE_LOADING);
     rig_open(&rig, RIG_PROGRAM, RIG_PROGRAM_BYTES, RIG_GATES, 2);
     uint8_t table[2 * FB_GATE_BYTES], block[FB_BLOCK_BYTES];
-    fb_wire_put_gates(table, RIG_GATES, 2);
+    rig_put_gates(table, RIG_GATES, 2);
     const size_t n_chunk =
         fb_wire_put_chunk(block, &(FbChunk){RIG_EPOCH, rig.transfer, 0, 16, table});
     for (size_t bit = 0; bit < 8 * n_chunk; bit++) {
         block[bit / 8] ^= (uint8_t)(1 << bit % 8);
-        const FbAnswer answer = fb_receiver_write(rig.receiver, FB_BLOCK_CHUNK, block, n_chunk,
-                                                  rig.now_us, rig.actions);
+        const FbAnswer answer = fb_receiver_write(rig.receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_CHUNK,
+                                                  block, n_chunk, rig.now_us, rig.actions);
         g_assert_true(answer == FB_ANSWER_CRC || answer == FB_ANSWER_MALFORMED);
         block[bit / 8] ^= (uint8_t)(1 << bit % 8);
     }
@@ -261,8 +261,9 @@ static void damaged_blocks(void)
     const size_t n_order = fb_wire_put_order(block, &start);
     for (size_t bit = 0; bit < 8 * n_order; bit++) {
         block[bit / 8] ^= (uint8_t)(1 << bit % 8);
-        const FbAnswer answer = fb_receiver_write(rig.receiver, FB_BLOCK_COMMAND, block, n_order,
-                                                  rig.now_us, rig.actions);
+        const FbAnswer answer =
+            fb_receiver_write(rig.receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_COMMAND, block, n_order,
+                              rig.now_us, rig.actions);
         g_assert_true(answer == FB_ANSWER_CRC || answer == FB_ANSWER_MALFORMED);
         block[bit / 8] ^= (uint8_t)(1 << bit % 8);
     }
@@ -294,7 +295,7 @@ static void verify_refuses(void)
         uint8_t table[3 * FB_GATE_BYTES];
         Rig rig = rig_new();
         rig_lead(&rig, FB_STATE_IDLE);
-        fb_wire_put_gates(table, cases[i].gates, 3);
+        rig_put_gates(table, cases[i].gates, 3);
         rig_open(&rig, RIG_PROGRAM, RIG_PROGRAM_BYTES, cases[i].gates, 3);
         rig_chunk(&rig, 0, table, sizeof table);
         rig_chunk(&rig, sizeof table, RIG_PROGRAM, RIG_PROGRAM_BYTES);
@@ -311,7 +312,7 @@ static void verify_refuses(void)
     uint8_t table[2 * FB_GATE_BYTES];
     const char *other = "G0 X1\nG1 X9 F100\nM30\n";
     rig_lead(&rig, FB_STATE_IDLE);
-    fb_wire_put_gates(table, RIG_GATES, 2);
+    rig_put_gates(table, RIG_GATES, 2);
     rig_open(&rig, RIG_PROGRAM, RIG_PROGRAM_BYTES, RIG_GATES, 2);
     rig_chunk(&rig, 0, table, sizeof table);
     rig_chunk(&rig, sizeof table, other, RIG_PROGRAM_BYTES);

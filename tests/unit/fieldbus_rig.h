@@ -41,6 +41,13 @@ static inline const char *doc_cell(const GPtrArray *rows, guint row, guint colum
     return column < g_strv_length(cells) ? cells[column] : "";
 }
 
+/* The table of gates of a stored program, as on the wire. */
+static inline void rig_put_gates(uint8_t *table, const uint64_t *gates, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        fb_wire_put_gate(table + i * FB_GATE_BYTES, gates[i], NULL);
+}
+
 enum { RIG_SESSION = 11, RIG_EPOCH = 0x5e91a77, RIG_AGENT_S = 5, RIG_LEASE_S = 30 };
 static const uint64_t RIG_TOKEN = UINT64_C(0x1234000056780000);
 
@@ -96,7 +103,8 @@ static inline FbAnswer rig_write_order(Rig *rig, const FbOrder *order)
 {
     uint8_t block[FB_BLOCK_BYTES];
     const size_t n = fb_wire_put_order(block, order);
-    return fb_receiver_write(rig->receiver, FB_BLOCK_COMMAND, block, n, rig->now_us, rig->actions);
+    return fb_receiver_write(rig->receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_COMMAND, block, n,
+                             rig->now_us, rig->actions);
 }
 
 /* The next command of the rig's own session, as it should be; OPEN needs rig_open. */
@@ -130,7 +138,7 @@ static inline FbAnswer rig_open(Rig *rig, const void *program, size_t n, const u
                      .token = RIG_TOKEN,
                      .command = FB_COMMAND_OPEN,
                      .open = {.program_bytes = n, .gates = n_gates}};
-    fb_wire_put_gates(table, gates, n_gates);
+    rig_put_gates(table, gates, n_gates);
     order.open.gates_crc = fb_wire_crc(table, n_gates * FB_GATE_BYTES);
     rig_digest(program, n, order.open.id);
     const FbAnswer answer = rig_write_order(rig, &order);
@@ -142,7 +150,8 @@ static inline FbAnswer rig_write_chunk(Rig *rig, const FbChunk *chunk)
 {
     uint8_t block[FB_BLOCK_BYTES];
     const size_t n = fb_wire_put_chunk(block, chunk);
-    return fb_receiver_write(rig->receiver, FB_BLOCK_CHUNK, block, n, rig->now_us, rig->actions);
+    return fb_receiver_write(rig->receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_CHUNK, block, n,
+                             rig->now_us, rig->actions);
 }
 
 static inline FbAnswer rig_chunk(Rig *rig, uint64_t offset, const void *bytes, size_t n)
@@ -160,7 +169,8 @@ static inline FbAnswer rig_beat(Rig *rig)
 {
     uint8_t block[FB_BLOCK_BYTES];
     const size_t n = fb_wire_put_beat(block, &(FbBeat){RIG_SESSION, RIG_TOKEN, 1});
-    return fb_receiver_write(rig->receiver, FB_BLOCK_BEAT, block, n, rig->now_us, rig->actions);
+    return fb_receiver_write(rig->receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_BEAT, block, n,
+                             rig->now_us, rig->actions);
 }
 
 static const char RIG_PROGRAM[] = "G0 X1\nG1 X2 F100\nM30\n";
@@ -171,7 +181,7 @@ static const uint64_t RIG_GATES[] = {6, RIG_PROGRAM_BYTES};
 static inline void rig_load(Rig *rig)
 {
     uint8_t table[2 * FB_GATE_BYTES];
-    fb_wire_put_gates(table, RIG_GATES, 2);
+    rig_put_gates(table, RIG_GATES, 2);
     g_assert_cmpint(rig_open(rig, RIG_PROGRAM, RIG_PROGRAM_BYTES, RIG_GATES, 2), ==,
                     FB_ANSWER_DONE);
     g_assert_cmpint(rig_chunk(rig, 0, table, sizeof table), ==, FB_ANSWER_DONE);

@@ -58,12 +58,12 @@ static void hold_is_never_delayed(void)
     for (int i = 0; i < 20; i++) {
         drip(fds, G_N_ELEMENTS(fds), i);
         const int64_t began_us = g_get_monotonic_time();
-        fb_session_command(c.session, FB_COMMAND_HOLD);
+        fb_session_command(c.session, FB_COMMAND_HOLD, NULL);
         g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 1));
         worst_us = MAX(worst_us, g_get_monotonic_time() - began_us);
         g_assert_no_error(c.error);
         g_assert_cmpstr(fb_state_name(fb_receiver_state(c.receiver)), ==, "HELD");
-        fb_session_command(c.session, FB_COMMAND_RESUME);
+        fb_session_command(c.session, FB_COMMAND_RESUME, NULL);
         g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 2));
         g_assert_no_error(c.error);
         g_assert_cmpstr(fb_state_name(fb_receiver_state(c.receiver)), ==, "RUNNING");
@@ -71,7 +71,7 @@ static void hold_is_never_delayed(void)
     g_test_message("hold, worst of 20 with dripping clients: %.3f ms", (double)worst_us / 1000);
     g_assert_cmpint(worst_us, <, 500000);
     g_assert_cmpint(c.holds, ==, 20);
-    fb_session_command(c.session, FB_COMMAND_ABORT);
+    fb_session_command(c.session, FB_COMMAND_ABORT, NULL);
     g_assert_true(run_until(&c, &c.done[FB_TASK_RUN], 1));
     g_assert_error(c.error, FB_ERROR, FB_ERROR_ABORTED);
     for (size_t i = 0; i < G_N_ELEMENTS(fds); i++)
@@ -114,14 +114,16 @@ static void session_without_machine(void)
     Cell c;
     open_cell(&c);
     const FbSessionCallbacks callbacks = {on_status, on_done, &c};
-    g_assert_null(fb_session_new("can://vcan0", 1, &agent, &callbacks, c.context, &c.error));
+    g_assert_null(fb_session_new(&(CfgTarget){.address = (char *)"can:vcan0", .unit_id = 1}, &agent,
+                                 &callbacks, c.context, &c.error));
     g_assert_error(c.error, FB_ERROR, FB_ERROR_UNREACHABLE);
     g_clear_error(&c.error);
     g_autofree char *address =
         g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(c.server));
     fb_modbus_server_free(g_steal_pointer(&c.server));
-    c.session = fb_session_new(address, 1, &agent, &callbacks, c.context, &c.error);
-    fb_session_command(c.session, FB_COMMAND_HOLD);
+    c.session = fb_session_new(&(CfgTarget){.address = address, .unit_id = 1}, &agent, &callbacks,
+                               c.context, &c.error);
+    fb_session_command(c.session, FB_COMMAND_HOLD, NULL);
     g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 1));
     g_assert_error(c.error, FB_ERROR, FB_ERROR_UNREACHABLE);
     g_assert_cmpint(fb_session_status(c.session)->state, ==, FB_STATE_UNKNOWN);
@@ -143,11 +145,11 @@ static void two_agents(void)
     g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED);
     fb_session_start(first);
     g_assert_true(run_until(&c, &c.starts, 1));
-    fb_session_command(c.session, FB_COMMAND_HOLD);
+    fb_session_command(c.session, FB_COMMAND_HOLD, NULL);
     g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 1));
     g_assert_no_error(c.error);
     g_assert_cmpint(c.holds, ==, 1);
-    fb_session_command(c.session, FB_COMMAND_RESUME);
+    fb_session_command(c.session, FB_COMMAND_RESUME, NULL);
     g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2));
     g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED);
     fb_session_free(first);
@@ -166,11 +168,11 @@ static void command_behind_a_task(void)
         fb_session_start(c.session);
         g_assert_true(run_until(&c, &c.done[FB_TASK_RUN], i + 1));
         g_assert_no_error(c.error);
-        fb_session_command(c.session, FB_COMMAND_ACKNOWLEDGE); /* the lease has just gone */
+        fb_session_command(c.session, FB_COMMAND_ACKNOWLEDGE, NULL); /* the lease has just gone */
         g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 1));
         g_assert_no_error(c.error);
         deliver(&c, p);
-        fb_session_command(c.session, FB_COMMAND_CLOSE); /* it has just come */
+        fb_session_command(c.session, FB_COMMAND_CLOSE, NULL); /* it has just come */
         g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 2 * i + 2));
         g_assert_no_error(c.error);
     }

@@ -7,7 +7,7 @@
 /* Every field has a value of its own, so that a field in the wrong place shows. */
 static FbStatus full_status(void)
 {
-    FbStatus s = {.protocol_version = 0x0100,
+    FbStatus s = {.protocol_version = 0x0101,
                   .state = FB_STATE_HELD,
                   .epoch = 0x01020304,
                   .transfer = 0x05060708,
@@ -199,7 +199,7 @@ static void command_as_documented(void)
                                   {"flags", o.open.flags},
                                   {"window", o.open.window},
                                   {NULL, 0}};
-    check_layout("### 2.4", block, 0, 1, fields);
+    check_layout("### 2.5", block, 0, 1, fields);
     check_layout("Arguments of OPEN", block, 0, 1, arguments);
 }
 
@@ -213,7 +213,7 @@ static void chunk_and_beat_as_documented(void)
     const Expected chunk[] = {
         {"epoch", c.epoch}, {"transfer", c.transfer},         {"offset", c.offset},
         {"length", 5},      {"crc", fb_wire_crc(joined, 25)}, {NULL, 0}};
-    check_layout("### 2.5", block, 0, 1, chunk);
+    check_layout("### 2.6", block, 0, 1, chunk);
     g_assert_true(memcmp(block + 24, "G1 X1\0", 6) == 0);
 
     const FbBeat b = {0x21222324, 0x3132333435363738, 0x41424344};
@@ -223,7 +223,7 @@ static void chunk_and_beat_as_documented(void)
                              {"count", b.count},
                              {"crc", fb_wire_crc(block, 16)},
                              {NULL, 0}};
-    check_layout("### 2.6", block, 0, 1, beat);
+    check_layout("### 2.7", block, 0, 1, beat);
 }
 
 static void map_as_documented(void)
@@ -278,7 +278,7 @@ static void there_and_back(void)
         uint8_t bytes[FB_CHUNK_BYTES];
         memset(bytes, length, sizeof bytes);
         n = fb_wire_put_chunk(block, &(FbChunk){1, 2, 3, length, bytes});
-        g_assert_cmpuint(n, <=, FB_WRITE_BYTES);
+        g_assert_cmpuint(n, <=, FB_BLOCK_BYTES);
         g_assert_cmpint(fb_wire_get_chunk(block, n, &c), ==, FB_ANSWER_DONE);
         g_assert_true(c.length == length && memcmp(c.bytes, bytes, length) == 0);
     }

@@ -13,9 +13,9 @@ typedef struct {
     char *folder;
     CfgAgent *agent;
     FbSession *session;
-    int done[FB_TASK_COMMAND + 1]; /* tasks of each kind that have ended */
-    GError *error;                 /* of the last one */
-    int64_t shown_us, longest_us;  /* when the last status came; longest silence */
+    int done[FB_N_TASKS];         /* tasks of each kind that have ended */
+    GError *error;                /* of the last one */
+    int64_t shown_us, longest_us; /* when the last status came; longest silence */
 } Cell;
 
 static void on_status(const FbStatus *status, void *data)
@@ -42,7 +42,8 @@ static void connect_agent(Cell *cell)
     g_autofree char *address =
         g_strdup_printf("modbus://127.0.0.1:%u", sim_machine_port(cell->machine));
     FbSessionCallbacks callbacks = {.status = on_status, .done = on_done, .data = cell};
-    cell->session = fb_session_new(address, 1, cell->agent, &callbacks, NULL, NULL);
+    cell->session = fb_session_new(&(CfgTarget){.address = address, .unit_id = 1}, cell->agent,
+                                   &callbacks, NULL, NULL);
     g_assert_nonnull(cell->session);
 }
 
@@ -258,11 +259,11 @@ static void link_is_served(void)
     if (cell_init(&cell, INFINITY, 30) && ready(&cell, text->str, NULL, 0)) {
         fb_session_start(cell.session);
         wait_state(&cell, FB_STATE_RUNNING);
-        fb_session_command(cell.session, FB_COMMAND_HOLD);
+        fb_session_command(cell.session, FB_COMMAND_HOLD, NULL);
         wait_state(&cell, FB_STATE_HELD);
         uint64_t blocks = fb_session_status(cell.session)->executed_blocks;
         g_assert_cmpuint(blocks, <, LINES);
-        fb_session_command(cell.session, FB_COMMAND_RESUME);
+        fb_session_command(cell.session, FB_COMMAND_RESUME, NULL);
         wait_done(&cell, FB_TASK_RUN);
         g_assert_no_error(cell.error);
         g_assert_cmpuint(fb_session_status(cell.session)->executed_blocks, ==, LINES + 2);

@@ -4,8 +4,8 @@
  * else. A GSource over a non-blocking socket; everything is bounded, so a peer that sends a byte at
  * a time, or never reads, costs the others nothing. Both sides use it.
  */
-#ifndef FIELDBUS_MBAP_H
-#define FIELDBUS_MBAP_H
+#ifndef FIELDBUS_MODBUS_MBAP_H
+#define FIELDBUS_MODBUS_MBAP_H
 
 #include "fieldbus/fieldbus.h"
 

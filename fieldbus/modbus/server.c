@@ -12,10 +12,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "fieldbus/mbap.h"
+#include "fieldbus/modbus/mbap.h"
 #include "fieldbus/receiver.h"
 
 enum {
+    CHUNK_BYTES = 218, /* of the stream: what a FC23 can write less the chunk's header */
+    WRITE_BYTES = 242, /* what it can write: 121 registers */
     MAX_CLIENTS = 16,
     BACKLOG = 64, /* connections that wait to be accepted: a crowd must not keep a hold out */
     READ_MOST = MODBUS_MAX_READ_REGISTERS,
@@ -126,8 +128,8 @@ static const struct {
     FbBlock block;
     unsigned at, fewest, most;
 } blocks[] = {
-    {FB_BLOCK_COMMAND, FB_AT_COMMAND, FB_COMMAND_BYTES / 2, FB_WRITE_BYTES / 2},
-    {FB_BLOCK_CHUNK, FB_AT_CHUNK, FB_CHUNK_HEADER_BYTES / 2 + 1, FB_WRITE_BYTES / 2},
+    {FB_BLOCK_COMMAND, FB_AT_COMMAND, FB_COMMAND_BYTES / 2, WRITE_BYTES / 2},
+    {FB_BLOCK_CHUNK, FB_AT_CHUNK, FB_CHUNK_HEADER_BYTES / 2 + 1, WRITE_BYTES / 2},
     {FB_BLOCK_BEAT, FB_AT_BEAT, FB_BEAT_BYTES / 2, FB_BEAT_BYTES / 2},
 };
 
@@ -161,7 +163,7 @@ static void do_actions(FbModbusServer *s)
 static void write_block(FbModbusServer *s, const Wish *w)
 {
     const FbBlock block = blocks[find_block(w)].block;
-    fb_receiver_write(s->receiver, block, w->written, 2 * (size_t)w->n_write,
+    fb_receiver_write(s->receiver, FB_ROLE_PROGRAMMER, block, w->written, 2 * (size_t)w->n_write,
                       g_get_monotonic_time(), s->actions);
     do_actions(s);
     if (block != FB_BLOCK_CHUNK) /* the lease's times may have moved */
@@ -174,14 +176,26 @@ static void load(uint16_t *registers, const uint8_t *bytes, size_t n)
         *registers++ = (uint16_t)u16(bytes + i);
 }
 
+static void load_setup(FbModbusServer *s)
+{
+    uint8_t block[FB_BLOCK_BYTES];
+    const FbSetup *setup = fb_receiver_setup(s->receiver);
+    load(s->registers + FB_AT_OFFSETS, block, fb_wire_put_offsets(block, setup));
+    for (unsigned page = 0; page < FB_TOOLS_PAGES; page++)
+        load(s->registers + FB_AT_TOOLS + page * FB_TOOLS_PAGE_REGISTERS, block,
+             fb_wire_put_tools(block, setup, page));
+}
+
 /* The bytes of libmodbus' answer; 0 where it has none. */
 static size_t answer(FbModbusServer *s, const uint8_t *adu, size_t n, uint8_t *out)
 {
     FbStatus status;
     uint8_t block[FB_BLOCK_BYTES], request[MODBUS_TCP_MAX_ADU_LENGTH];
     fb_receiver_status(s->receiver, g_get_monotonic_time(), &status);
+    status.chunk_max = CHUNK_BYTES;
     load(s->registers + FB_AT_STATUS, block, fb_wire_put_status(block, &status));
     load(s->registers + FB_AT_ALARM, block, fb_wire_put_alarm(block, &status));
+    load_setup(s);
     ssize_t got = -1;
     if (send(s->modbus_fd, adu, n, MSG_NOSIGNAL) == (ssize_t)n) {
         const int taken = modbus_receive(s->modbus, request);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "fieldbus/mbap.h"
+#include "fieldbus/modbus/mbap.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -1,0 +1,208 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "fieldbus/modbus/client.h"
+
+#include <gio/gio.h>
+#include <modbus.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "fieldbus/modbus/mbap.h"
+
+typedef struct FbModbusClient FbModbusClient;
+
+/* A connect that is on its way; outlives a client that no longer wants it. */
+typedef struct {
+    FbModbusClient *client; /* NULL: nobody waits */
+    GCancellable *cancellable;
+} Attempt;
+
+/* A request without its answer. */
+typedef struct {
+    uint16_t transaction;
+    uint8_t function;
+    size_t n_read; /* registers */
+} Flight;
+
+struct FbModbusClient {
+    FbDriver *driver;
+    char *host;
+    uint16_t port;
+    uint8_t unit_id;
+    Attempt *attempt;
+    FbMbap *mbap; /* NULL: not connected */
+    uint16_t transaction;
+    Flight flights[FB_WINDOW_MOST]; /* oldest first: the machine answers in order */
+    unsigned n_flights;
+};
+
+static void disconnect(void *transport);
+
+/* ------------------------------------------------------------------- requests */
+
+static uint8_t *put16(uint8_t *p, size_t v)
+{
+    p[0] = (uint8_t)(v >> 8);
+    p[1] = (uint8_t)v;
+    return p + 2;
+}
+
+static unsigned u16(const uint8_t *p)
+{
+    return (unsigned)p[0] << 8 | p[1];
+}
+
+/* The block that the answer carries. */
+static void find_answer(const FbRequest *request, unsigned *at, size_t *n_bytes)
+{
+    switch (request->kind) {
+    case FB_REQUEST_ALARM:
+        *at = FB_AT_ALARM;
+        *n_bytes = FB_ALARM_BYTES;
+        break;
+    case FB_REQUEST_OFFSETS:
+        *at = FB_AT_OFFSETS;
+        *n_bytes = FB_OFFSETS_BYTES;
+        break;
+    case FB_REQUEST_TOOLS:
+        *at = FB_AT_TOOLS + request->page * FB_TOOLS_PAGE_REGISTERS;
+        *n_bytes = FB_TOOLS_BYTES;
+        break;
+    default:
+        *at = FB_AT_STATUS;
+        *n_bytes = FB_STATUS_BYTES;
+    }
+}
+
+static void send_request(void *transport, const FbRequest *request)
+{
+    FbModbusClient *c = transport;
+    static const uint16_t written[] = {[FB_REQUEST_COMMAND] = FB_AT_COMMAND,
+                                       [FB_REQUEST_CHUNK] = FB_AT_CHUNK,
+                                       [FB_REQUEST_BEAT] = FB_AT_BEAT};
+    uint8_t adu[FB_ADU_BYTES];
+    unsigned at;
+    size_t n_bytes;
+    if (!c->mbap || c->n_flights == FB_WINDOW_MOST)
+        return;
+    find_answer(request, &at, &n_bytes);
+    Flight *flight = &c->flights[c->n_flights++];
+    *flight = (Flight){++c->transaction,
+                       request->n > 0 ? MODBUS_FC_WRITE_AND_READ_REGISTERS
+                                      : MODBUS_FC_READ_HOLDING_REGISTERS,
+                       n_bytes / 2};
+    uint8_t *p = put16(put16(adu, flight->transaction), 0) + 2;
+    *p++ = c->unit_id;
+    *p++ = flight->function;
+    p = put16(put16(p, at), flight->n_read);
+    if (request->n > 0) {
+        p = put16(put16(p, written[request->kind]), request->n / 2);
+        *p++ = (uint8_t)request->n;
+        memcpy(p, request->bytes, request->n);
+        p += request->n;
+    }
+    put16(adu + 4, (size_t)(p - adu) - 6);
+    fb_mbap_send(c->mbap, adu, (size_t)(p - adu));
+}
+
+static void on_adu(FbMbap *mbap, const uint8_t *adu, size_t n, void *data)
+{
+    (void)mbap;
+    FbModbusClient *c = data;
+    const uint8_t *pdu = adu + FB_MBAP_HEADER_BYTES;
+    const size_t n_pdu = n - FB_MBAP_HEADER_BYTES;
+    const Flight f = c->flights[0];
+    if (c->n_flights == 0 || u16(adu) != f.transaction || adu[6] != c->unit_id) {
+        fb_driver_broken(c->driver, "an answer to another request");
+    } else if (n_pdu == 2 && pdu[0] == (f.function | 0x80)) {
+        g_autofree char *why = g_strdup_printf("Modbus exception %d: is this the right port and "
+                                               "unit?",
+                                               pdu[1]);
+        fb_driver_broken(c->driver, why);
+    } else if (pdu[0] != f.function || n_pdu != 2 + 2 * f.n_read || pdu[1] != 2 * f.n_read) {
+        fb_driver_broken(c->driver, "an answer that is not Modbus");
+    } else {
+        memmove(c->flights, c->flights + 1, --c->n_flights * sizeof f);
+        fb_driver_event(c->driver,
+                        &(FbEvent){.kind = FB_EVENT_REPLY, .bytes = pdu + 2, .n = 2 * f.n_read});
+    }
+}
+
+static void on_broken(FbMbap *mbap, const char *why, void *data)
+{
+    (void)mbap;
+    FbModbusClient *c = data;
+    disconnect(c);
+    fb_driver_broken(c->driver, why);
+}
+
+/* ------------------------------------------------------------------ connection */
+
+static void on_connected(GObject *object, GAsyncResult *result, gpointer data)
+{
+    static const FbMbapCallbacks callbacks = {.adu = on_adu, .broken = on_broken};
+    Attempt *attempt = data;
+    FbModbusClient *c = attempt->client;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GSocketConnection) connection =
+        g_socket_client_connect_to_host_finish(G_SOCKET_CLIENT(object), result, &error);
+    g_object_unref(attempt->cancellable);
+    g_free(attempt);
+    if (!c)
+        return;
+    c->attempt = NULL;
+    const int fd =
+        connection ? dup(g_socket_get_fd(g_socket_connection_get_socket(connection))) : -1;
+    if (fd < 0) {
+        fb_driver_broken(c->driver, error ? error->message : "no file descriptor is left");
+        return;
+    }
+    c->mbap = fb_mbap_new(fd, &callbacks, c, fb_driver_context(c->driver));
+    fb_driver_event(c->driver, &(FbEvent){.kind = FB_EVENT_CONNECTED});
+}
+
+static void connect_to(void *transport)
+{
+    FbModbusClient *c = transport;
+    GMainContext *context = fb_driver_context(c->driver);
+    g_autoptr(GSocketClient) client = g_socket_client_new();
+    g_socket_client_set_enable_proxy(client, FALSE);
+    c->attempt = g_new(Attempt, 1);
+    *c->attempt = (Attempt){.client = c, .cancellable = g_cancellable_new()};
+    g_main_context_push_thread_default(context);
+    g_socket_client_connect_to_host_async(client, c->host, c->port, c->attempt->cancellable,
+                                          on_connected, c->attempt);
+    g_main_context_pop_thread_default(context);
+}
+
+static void disconnect(void *transport)
+{
+    FbModbusClient *c = transport;
+    Attempt *attempt = g_steal_pointer(&c->attempt);
+    if (attempt) {
+        attempt->client = NULL;
+        g_cancellable_cancel(attempt->cancellable);
+    }
+    fb_mbap_free(g_steal_pointer(&c->mbap));
+    c->n_flights = 0;
+}
+
+/* ----------------------------------------------------------------------- life */
+
+static void free_client(void *transport)
+{
+    FbModbusClient *c = transport;
+    disconnect(c);
+    g_free(c->host);
+    g_free(c);
+}
+
+void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, int unit_id)
+{
+    static const FbTransport transport = {connect_to, disconnect, send_request, free_client};
+    FbModbusClient *c = g_new0(FbModbusClient, 1);
+    c->driver = driver;
+    c->host = g_strdup(host);
+    c->port = port;
+    c->unit_id = (uint8_t)unit_id;
+    fb_driver_set_transport(driver, &transport, c);
+}
