@@ -25,6 +25,17 @@ typedef enum {
 #define CFG_ERROR cfg_error_quark()
 GQuark cfg_error_quark(void);
 
+/* Appends the shortest decimal number that reads back as the same double, never "-0"; "null" where
+ * `value` is not finite. The one number writer of every text we write. */
+void cfg_number_append(GString *out, double value);
+
+/* Modbus/TCP Security: PEM files. All three, or none. */
+typedef struct {
+    char *ca;          /* whom we trust: the peer's certificate is signed by it */
+    char *certificate; /* ours, and behind it those between it and the peer's CA */
+    char *key;         /* ours; only its owner may read it */
+} CfgTls;
+
 /* ------------------------------------------------------------------- tool table */
 
 typedef enum { CFG_TOOL_FLAT, CFG_TOOL_BALL, CFG_TOOL_BULL } CfgToolKind;
@@ -86,6 +97,8 @@ typedef struct {
     CfgAgentLoss on_agent_loss;
     double agent_timeout_s; /* heartbeat missing for this long is agent loss */
     char *tools_file;       /* resolved against the machine file's folder */
+    bool beyond_loopback;   /* plain Modbus may listen there: whoever reaches it commands */
+    CfgTls tls;             /* NULLs: no TLS */
 } CfgMachine;
 
 CfgMachine *cfg_machine_load(const char *path, GError **error);
@@ -190,7 +203,9 @@ const CfgRegion *cfg_recipe_region(const CfgRecipe *recipe, const char *name);
 
 typedef struct {
     char *name;
-    char *address; /* modbus://host:port */
+    char *address; /* modbus://host:port, or mbaps://host:port with `tls` */
+    bool plain;    /* modbus:// may go beyond loopback */
+    CfgTls tls;
     int unit_id;
     char *machine_file; /* its description; NULL: not known to the agent */
 } CfgTarget;

@@ -3,7 +3,6 @@
 
 #include <errno.h>
 #include <glib/gstdio.h>
-#include <math.h>
 #include <stdio.h>
 
 struct SimLog {
@@ -50,7 +49,7 @@ bool sim_log_close(SimLog *log, GError **error)
 void sim_log_program(SimLog *log, const SimProgram *program)
 {
     g_string_printf(log->line, "{\"program\":\"%s\",\"planned_s\":", program->sha256);
-    sim_log_number(log->line, sim_program_duration_s(program));
+    cfg_number_append(log->line, sim_program_duration_s(program));
     g_string_append_c(log->line, '}');
     write_line(log, true);
 }
@@ -66,7 +65,7 @@ void sim_log_refused(SimLog *log, uint16_t code, const char *text)
 void sim_log_state(SimLog *log, FbState state, double time_s)
 {
     g_string_printf(log->line, "{\"state\":\"%s\",\"time_s\":", fb_state_name(state));
-    sim_log_number(log->line, time_s);
+    cfg_number_append(log->line, time_s);
     g_string_append_c(log->line, '}');
     write_line(log, true);
 }
@@ -81,28 +80,10 @@ void sim_log_block(SimLog *log, const SimBlock *block)
     g_string_printf(line, "{\"line\":%u,\"kind\":\"%s\",", block->line, kind_name(block->kind));
     for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++) {
         g_string_append(line, before[i]);
-        sim_log_number(line, numbers[i]);
+        cfg_number_append(line, numbers[i]);
     }
     g_string_append_c(line, '}');
     write_line(log, false);
-}
-
-void sim_log_number(GString *line, double value)
-{
-    if (!isfinite(value)) {
-        g_string_append(line, "null");
-        return;
-    }
-    char text[G_ASCII_DTOSTR_BUF_SIZE];
-    value += 0.0; /* no "-0" */
-    for (int digits = 15; digits <= 17; digits++) {
-        char format[8];
-        g_snprintf(format, sizeof format, "%%.%dg", digits);
-        g_ascii_formatd(text, sizeof text, format, value);
-        if (g_ascii_strtod(text, NULL) == value)
-            break;
-    }
-    g_string_append(line, text);
 }
 
 static const char *kind_name(NcMoveKind kind)

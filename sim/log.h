@@ -21,7 +21,4 @@ void sim_log_refused(SimLog *log, uint16_t code, const char *text);
 void sim_log_state(SimLog *log, FbState state, double time_s);
 void sim_log_block(SimLog *log, const SimBlock *block);
 
-/* Appends the shortest decimal form that reads back as the same number; "null" unless finite. */
-void sim_log_number(GString *line, double value);
-
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "agent/out/json.h"
 
-#include <math.h>
+#include "config/config.h"
 
 #define MAX_DEPTH 16
 
@@ -107,25 +107,10 @@ void agent_json_end(AgentJson *json)
     g_string_append_c(json->out, ended.close);
 }
 
-void agent_json_append_number(GString *out, double value)
-{
-    char text[G_ASCII_DTOSTR_BUF_SIZE];
-    static const char *const formats[] = {"%.15g", "%.16g", "%.17g"};
-    for (int i = 0; i < 3; i++) {
-        g_ascii_formatd(text, sizeof text, formats[i], value + 0.0); /* -0 becomes 0 */
-        if (g_ascii_strtod(text, NULL) == value)
-            break;
-    }
-    g_string_append(out, text);
-}
-
 void agent_json_number(AgentJson *json, const char *key, double value)
 {
     before(json, key);
-    if (isfinite(value))
-        agent_json_append_number(json->out, value);
-    else
-        g_string_append(json->out, "null");
+    cfg_number_append(json->out, value);
 }
 
 void agent_json_integer(AgentJson *json, const char *key, int64_t value)

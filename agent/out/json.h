@@ -34,9 +34,6 @@ void agent_json_bool(AgentJson *json, const char *key, bool value);
 /* `value` in UTF-8 (what is not becomes U+FFFD); null where it is NULL. */
 void agent_json_string(AgentJson *json, const char *key, const char *value);
 
-/* Appends the shortest form of a finite `value`; the one number writer of every text we write. */
-void agent_json_append_number(GString *out, double value);
-
 /* Ends the outermost object and hands the text over, with a newline; caller frees. The writer takes
  * no more after that. */
 char *agent_json_finish(AgentJson *json);

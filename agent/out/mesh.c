@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "agent/out/mesh.h"
 
-#include "agent/out/json.h"
+#include "config/config.h"
 
 static void append_vertex(GString *out, SegVec3 p)
 {
@@ -9,7 +9,7 @@ static void append_vertex(GString *out, SegVec3 p)
     g_string_append_c(out, 'v');
     for (int i = 0; i < 3; i++) {
         g_string_append_c(out, ' ');
-        agent_json_append_number(out, coordinates[i]);
+        cfg_number_append(out, coordinates[i]);
     }
     g_string_append_c(out, '\n');
 }

@@ -275,25 +275,6 @@ static void gates_found(void)
     rig_clear(&rig);
 }
 
-static void numbers(void)
-{
-    static const struct {
-        double value;
-        const char *text;
-    } cases[] = {{0.1, "0.1"},
-                 {-0.0, "0"},
-                 {1.0 / 3, "0.3333333333333333"},
-                 {1e-7, "1e-07"},
-                 {12345678, "12345678"},
-                 {INFINITY, "null"},
-                 {0.1 + 0.2, "0.30000000000000004"}};
-    for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
-        g_autoptr(GString) text = g_string_new(NULL);
-        sim_log_number(text, cases[i].value);
-        g_assert_cmpstr(text->str, ==, cases[i].text);
-    }
-}
-
 static void add(void)
 {
     g_test_add_func("/sim/controller/run", run);
@@ -305,7 +286,6 @@ static void add(void)
     g_test_add_func("/sim/controller/commands-in-wrong-states", commands_in_wrong_states);
     g_test_add_func("/sim/controller/refused", refused);
     g_test_add_func("/sim/controller/gates-found", gates_found);
-    g_test_add_func("/sim/log/numbers", numbers);
 }
 
 int main(int argc, char **argv)
