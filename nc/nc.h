@@ -240,6 +240,8 @@ typedef struct {
     double tolerance_mm; /* G64 P in force; 0 with G61; INFINITY with G64 and no P, or P0 */
     bool exact_stop;     /* G61.1 in force */
     bool coolant_mist, coolant_flood;
+    int work_offset;          /* in force: 54 … 59 */
+    bool machine_coordinates; /* its end was named by G53 or is home: no offset counts */
 } NcMove;
 
 /* The modal state of an RS-274/NGC interpreter. */

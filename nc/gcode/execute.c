@@ -55,6 +55,7 @@ NcMove *nc_append_move(NcExecution *x, NcMoveKind kind)
         .exact_stop = modal->exact_stop,
         .coolant_mist = modal->mist,
         .coolant_flood = modal->flood,
+        .work_offset = 54 + modal->wcs,
     };
     return made;
 }
@@ -202,7 +203,8 @@ static bool move(NcExecution *x, GError **error)
     SegVec3 shift = machine_coordinates ? seg_vec3(0.0, 0.0, 0.0) : program_shift(x);
     SegVec3 to = target(x, shift, modal->incremental && !machine_coordinates);
     if (block->motion == 0 || block->motion == 10) {
-        append_to(x, block->motion == 0 ? NC_MOVE_RAPID : NC_MOVE_FEED, to);
+        NcMove *straight = append_to(x, block->motion == 0 ? NC_MOVE_RAPID : NC_MOVE_FEED, to);
+        straight->machine_coordinates = machine_coordinates;
         return true;
     }
     SegVec3 centre;
@@ -228,8 +230,9 @@ static void go_home(NcExecution *x)
             some = true;
         }
     }
-    append_to(x, NC_MOVE_RAPID, target(x, program_shift(x), x->modal.incremental));
-    append_to(x, NC_MOVE_RAPID, some ? home : x->modal.home);
+    SegVec3 by_way = target(x, program_shift(x), x->modal.incremental);
+    append_to(x, NC_MOVE_RAPID, by_way)->machine_coordinates = !some;
+    append_to(x, NC_MOVE_RAPID, some ? home : x->modal.home)->machine_coordinates = true;
 }
 
 /* M2 and M30 leave the machine in a known state [NIST 3.6.1]. */

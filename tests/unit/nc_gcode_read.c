@@ -271,6 +271,26 @@ static void switches(void)
     g_assert_false(nc_interpreter_block(interpreter, "X1", 2, moves, NULL));
 }
 
+/* Which offset a move's end is counted from, for those who compare offsets. */
+static void work_offsets(void)
+{
+    static const struct {
+        int work_offset;
+        bool machine_coordinates;
+    } expected[] = {{54, true}, {55, false}, {55, true},  {55, true}, {55, false},
+                    {55, true}, {56, false}, {56, false}, {54, false}};
+    CfgMachine machine = gcode_machine();
+    g_autoptr(GArray) moves = gcode_read("G53 G0 Z1\nG55\nG0 X1\nG28\nG28 Z2\nG56 G1 X2 F1\n"
+                                         "G4 P1\nM2",
+                                         &machine);
+    g_assert_cmpuint(moves ? moves->len : 0, ==, G_N_ELEMENTS(expected));
+    for (guint i = 0; moves && i < MIN(moves->len, G_N_ELEMENTS(expected)); i++) {
+        const NcMove *move = &g_array_index(moves, NcMove, i);
+        g_assert_cmpint(move->work_offset, ==, expected[i].work_offset);
+        g_assert_cmpint(move->machine_coordinates, ==, expected[i].machine_coordinates);
+    }
+}
+
 static void limits(void)
 {
     static const Case cases[] = {
@@ -299,6 +319,7 @@ static void add(void)
     g_test_add_func("/nc/gcode/read/long-lines", long_lines);
     g_test_add_func("/nc/gcode/read/atomic", atomic);
     g_test_add_func("/nc/gcode/read/switches", switches);
+    g_test_add_func("/nc/gcode/read/work-offsets", work_offsets);
     g_test_add_func("/nc/gcode/read/limits", limits);
 }
 
