@@ -26,7 +26,15 @@ static const CfgKey keys[] = {
              "never, or always.",
      .choices = drips},
     {"machine.*", "address", CFG_STRING, "", "modbus://127.0.0.1:1502", 0, 0, MACHINE(address),
-     .help = "Where the machine listens, as modbus://host:port."},
+     .help = "Where the machine listens: modbus://host:port, or mbaps://host:port with TLS."},
+    {"machine.*", "plain", CFG_BOOL, "", "false", 0, 0, MACHINE(plain),
+     .help = "Plain Modbus to another host, where everybody on the way can read and command."},
+    {"machine.*", "tls_ca", CFG_FILE, "", "", 0, 0, MACHINE(tls.ca),
+     .help = "mbaps: the CA that has signed the machine's certificate, a PEM file."},
+    {"machine.*", "tls_certificate", CFG_FILE, "", "", 0, 0, MACHINE(tls.certificate),
+     .help = "mbaps: the agent's certificate, which carries its role."},
+    {"machine.*", "tls_key", CFG_FILE, "", "", 0, 0, MACHINE(tls.key),
+     .help = "mbaps: the key of that certificate, in a file that only its owner may read."},
     {"machine.*", "unit_id", CFG_INT, "", "1", 0, 255, MACHINE(unit_id),
      .help = "Its Modbus unit identifier."},
     {"machine.*", "file", CFG_FILE, "", "", 0, 0, MACHINE(machine_file),
@@ -47,6 +55,15 @@ static const CfgSchema schema = {
                      .help = "What --to names."},
 };
 
+static bool is_address(const char *text)
+{
+    static const char *const schemes[] = {"modbus://", "mbaps://"};
+    for (size_t i = 0; i < G_N_ELEMENTS(schemes); i++)
+        if (text && g_str_has_prefix(text, schemes[i]))
+            return true;
+    return false;
+}
+
 static CfgAgent *read_agent(const CfgIni *ini, GError **error)
 {
     g_autoptr(CfgAgent) agent = cfg_schema_read(&schema, ini, error);
@@ -55,8 +72,9 @@ static CfgAgent *read_agent(const CfgIni *ini, GError **error)
     for (size_t i = 0; i < agent->n_machines; i++) {
         g_autofree char *group = g_strconcat("machine.", agent->machines[i].name, NULL);
         const char *address = agent->machines[i].address;
-        if (!address || !g_str_has_prefix(address, "modbus://")) {
-            cfg_refuse(ini, group, "address", error, "'%s' is not modbus://host:port",
+        if (!is_address(address)) {
+            cfg_refuse(ini, group, "address", error,
+                       "'%s' is neither modbus://host:port nor mbaps://host:port",
                        address ? address : "");
             return NULL;
         }

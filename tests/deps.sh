@@ -17,6 +17,7 @@ packages() {
 #: libjson-glib-dev           reading and building JSON
 #: libcairo2-dev              pictures
 #: libmodbus-dev              parsing and answering Modbus
+#: libssl-dev                 TLS, certificates
 #: zlib1g-dev                 crc32
 #: libocct-data-exchange-dev  IGES and STEP
 #: libocct-modeling-algorithms-dev  tessellation, NURBS conversion
@@ -27,6 +28,14 @@ packages() {
 #: perl                       prove
 #: python3-jsonschema         judge of the JSON files
 #: mbpoll                     judge of the Modbus map
+#: openssl                    judge of TLS
+#: iproute2                   CAN buses
+#: can-utils                  judge of CAN and ISO-TP
+#: gpiod                      the hand on the operator's buttons
+#: linux-source-6.1           a kernel with CAN and GPIO, for hosts that have none
+#: flex                       reads its configuration
+#: bison                      reads its configuration
+#: bc                         works out its timers' constants
 
 missing() {
     for p in $(packages); do

@@ -95,7 +95,8 @@ static const Case cases[] = {
     {"tools", "[tool.3]\n",
      ":1: [tool.3] kind: missing; it must be given: Shape of the end mill's tip.", CFG_ERROR_VALUE},
     {"agent", "[machine.mill]\naddress = serial:1\n",
-     ":2: [machine.mill] address: 'serial:1' is not modbus://host:port", CFG_ERROR_VALUE},
+     ":2: [machine.mill] address: 'serial:1' is neither modbus://host:port nor mbaps://host:port",
+     CFG_ERROR_VALUE},
 };
 
 static void messages(void)
