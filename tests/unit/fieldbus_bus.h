@@ -236,6 +236,7 @@ static inline void bus_serve(Bus *b, const Frame *f)
         bus_do_all(b);
     }
     fb_receiver_status(b->receiver, b->now_us, &status);
+    status.chunk_max = 218;
     reply.n = reply.kind == FB_REQUEST_ALARM ? fb_wire_put_alarm(reply.bytes, &status)
                                              : fb_wire_put_status(reply.bytes, &status);
     if (f->connection != b->connection)

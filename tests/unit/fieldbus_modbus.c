@@ -262,7 +262,7 @@ static void mbpoll_reads_the_map(void)
             g_usleep(1000);
     g_assert_nonnull(out);
     g_test_message("%s", out ? out : "");
-    g_assert_nonnull(out ? strstr(out, "0x0100") : NULL); /* version */
+    g_assert_nonnull(out ? strstr(out, "0x0101") : NULL); /* version */
     g_assert_nonnull(out ? strstr(out, "0x0001") : NULL); /* IDLE */
     g_assert_nonnull(out ? strstr(out, "0x004D") : NULL); /* epoch 77, low word */
     g_free(out);

@@ -95,7 +95,7 @@ static void back_from_alarm(void)
 static void numbers_as_documented(void)
 {
     g_autoptr(GPtrArray) states = doc_table("## 3. States");
-    g_autoptr(GPtrArray) commands = doc_table("From step 3 on");
+    g_autoptr(GPtrArray) commands = doc_table("From step 4 on");
     g_autoptr(GPtrArray) answers = doc_table("## 5. Answers");
     for (guint i = 0; i < FB_STATE_UNKNOWN; i++) {
         g_assert_cmpint(atoi(doc_cell(states, i + 1, 0)), ==, (int)i);
@@ -355,11 +355,12 @@ static void open_limits(void)
         const char *answer;
     } cases[] = {
         {{.program_bytes = (1 << 20) - 7, .gates = 1}, "TOO_LARGE"},
-        {{.program_bytes = UINT64_MAX, .gates = UINT32_MAX}, "TOO_LARGE"},
+        {{.program_bytes = INT64_MAX, .gates = UINT32_MAX}, "TOO_LARGE"},
+        {{.program_bytes = UINT64_MAX, .gates = UINT32_MAX}, "MALFORMED"},
         {{.program_bytes = 0, .gates = 1}, "MALFORMED"},
         {{.program_bytes = 4, .gates = 0}, "MALFORMED"},
         {{.program_bytes = 4, .gates = 5}, "MALFORMED"},
-        {{.program_bytes = 4, .gates = 1, .flags = 1}, "MALFORMED"},
+        {{.program_bytes = 4, .gates = 1, .flags = 2}, "MALFORMED"},
     };
     for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
         o.seq++;

@@ -51,6 +51,10 @@ static inline void rig_put_gates(uint8_t *table, const uint64_t *gates, size_t n
 enum { RIG_SESSION = 11, RIG_EPOCH = 0x5e91a77, RIG_AGENT_S = 5, RIG_LEASE_S = 30 };
 static const uint64_t RIG_TOKEN = UINT64_C(0x1234000056780000);
 
+static const char RIG_PROGRAM[] = "G0 X1\nG1 X2 F100\nM30\n";
+enum { RIG_PROGRAM_BYTES = sizeof RIG_PROGRAM - 1 };
+static const uint64_t RIG_GATES[] = {6, RIG_PROGRAM_BYTES};
+
 /* A receiver and who talks to it. */
 typedef struct {
     FbReceiver *receiver;
@@ -116,7 +120,10 @@ static inline FbAnswer rig_order(Rig *rig, FbCommand command)
                           .transfer = rig_status(rig).transfer,
                           .token = RIG_TOKEN,
                           .command = command,
-                          .open = {.program_bytes = 4, .gates = 1}};
+                          .open = {.program_bytes = 4, .gates = 1},
+                          .gate = 1,
+                          .gate_offset = RIG_GATES[0],
+                          .arguments = {100, 100, 100, false}};
     return rig_write_order(rig, &rig->last);
 }
 
@@ -172,10 +179,6 @@ static inline FbAnswer rig_beat(Rig *rig)
     return fb_receiver_write(rig->receiver, FB_ROLE_PROGRAMMER, FB_BLOCK_BEAT, block, n,
                              rig->now_us, rig->actions);
 }
-
-static const char RIG_PROGRAM[] = "G0 X1\nG1 X2 F100\nM30\n";
-enum { RIG_PROGRAM_BYTES = sizeof RIG_PROGRAM - 1 };
-static const uint64_t RIG_GATES[] = {6, RIG_PROGRAM_BYTES};
 
 /* Opens the rig's program and sends all of it. */
 static inline void rig_load(Rig *rig)
