@@ -301,6 +301,21 @@ typedef struct {
  */
 NcTimedMove *nc_motion_plan(const CfgMachine *machine, const NcMove *moves, size_t n);
 
+/* What a person turns at the machine, in percent of what is programmed; 100 each: nothing. */
+typedef struct {
+    int feed, rapid, spindle;
+} NcOverride;
+
+#define NC_NO_OVERRIDE ((NcOverride){100, 100, 100})
+
+/* The same with overrides, `spindle_rpm` programmed before the first move. A move that an override
+ * of 0 forbids has v_max_mm_s 0 and takes no time: whoever follows the plan stands before it. */
+NcTimedMove *nc_motion_plan_override(const CfgMachine *machine, NcOverride override,
+                                     double spindle_rpm, const NcMove *moves, size_t n);
+
+/* The spindle's speed where `rpm` is programmed: within what the machine can, 0 stays 0. */
+double nc_override_rpm(const CfgMachine *machine, NcOverride override, double rpm);
+
 /* Position on a move after `t_s` seconds of it. */
 SegVec3 nc_motion_position(const NcMove *move, const NcTimedMove *timed, double t_s);
 

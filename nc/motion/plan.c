@@ -23,6 +23,7 @@
 
 typedef struct {
     double v_mm_s[3], a_mm_s2[3];
+    double feed, rapid; /* shares of what is programmed, of what the axes can */
 } Limits;
 
 static void limit_move(const Limits *limits, const NcMove *move, NcTimedMove *timed);
@@ -30,13 +31,20 @@ static double corner_speed(const Limits *limits, const NcMove *before, const NcT
                            const NcMove *after, const NcTimedMove *out);
 static void fit_backwards(const NcMove *moves, NcTimedMove *timed, size_t n);
 static void fit_forwards(const NcMove *moves, NcTimedMove *timed, size_t n);
-static void set_times(const CfgMachine *machine, const NcMove *moves, NcTimedMove *timed, size_t n);
+static void set_times(const CfgMachine *machine, NcOverride override, double rpm,
+                      const NcMove *moves, NcTimedMove *timed, size_t n);
 
-/* Until the times are set, v_in is the limit at a move's start and v_max the limit within. */
 NcTimedMove *nc_motion_plan(const CfgMachine *machine, const NcMove *moves, size_t n)
 {
+    return nc_motion_plan_override(machine, NC_NO_OVERRIDE, 0.0, moves, n);
+}
+
+/* Until the times are set, v_in is the limit at a move's start and v_max the limit within. */
+NcTimedMove *nc_motion_plan_override(const CfgMachine *machine, NcOverride override,
+                                     double spindle_rpm, const NcMove *moves, size_t n)
+{
     NcTimedMove *timed = g_new0(NcTimedMove, n);
-    Limits limits;
+    Limits limits = {.feed = override.feed / 100.0, .rapid = override.rapid / 100.0};
     for (int axis = 0; axis < 3; axis++) {
         limits.v_mm_s[axis] = machine->axis[axis].max_mm_min / 60.0;
         limits.a_mm_s2[axis] = machine->axis[axis].max_mm_s2;
@@ -58,7 +66,7 @@ NcTimedMove *nc_motion_plan(const CfgMachine *machine, const NcMove *moves, size
     }
     fit_backwards(moves, timed, n);
     fit_forwards(moves, timed, n);
-    set_times(machine, moves, timed, n);
+    set_times(machine, override, spindle_rpm, moves, timed, n);
     return timed;
 }
 
@@ -86,7 +94,7 @@ static void limit_arc(const Limits *limits, const NcMove *move, NcTimedMove *tim
     double radius = fmin(arc.radius_from_mm, arc.radius_to_mm);
     double v_plane = fmin(limits->v_mm_s[axes.first], limits->v_mm_s[axes.second]);
     double a_plane = fmin(limits->a_mm_s2[axes.first], limits->a_mm_s2[axes.second]);
-    double v = fmin(move->feed_mm_min / 60.0, v_plane / along);
+    double v = fmin(limits->feed * move->feed_mm_min / 60.0, v_plane / along);
     v = fmin(v, sqrt(ACROSS * a_plane * radius) / along);
     v = rise > 0.0 ? fmin(v, limits->v_mm_s[axes.normal] / rise) : v;
     double across = v * v * along * along / radius;
@@ -106,7 +114,9 @@ static void limit_move(const Limits *limits, const NcMove *move, NcTimedMove *ti
     if (timed->length_mm > 0.0) {
         SegVec3 along = seg_scale(seg_sub(move->to, move->from), 1.0 / timed->length_mm);
         double v = scale_within(limits->v_mm_s, along);
-        timed->v_max_mm_s = move->kind == NC_MOVE_RAPID ? v : fmin(v, move->feed_mm_min / 60.0);
+        timed->v_max_mm_s = move->kind == NC_MOVE_RAPID
+                                ? limits->rapid * v
+                                : fmin(v, limits->feed * move->feed_mm_min / 60.0);
         timed->a_mm_s2 = scale_within(limits->a_mm_s2, along);
     }
 }
@@ -172,25 +182,38 @@ static double travel_time(NcTimedMove *t)
     double peak = sqrt(a * t->length_mm + 0.5 * (v_in * v_in + v_out * v_out));
     peak = fmax(fmin(peak, t->v_max_mm_s), fmax(v_in, v_out));
     t->v_max_mm_s = peak;
+    if (!(peak > 0.0))
+        return 0.0;
     double ramps = (peak * peak - v_in * v_in + peak * peak - v_out * v_out) / (2.0 * a);
     return (2.0 * peak - v_in - v_out) / a + fmax(t->length_mm - ramps, 0.0) / peak;
 }
 
-static void set_times(const CfgMachine *machine, const NcMove *moves, NcTimedMove *timed, size_t n)
+double nc_override_rpm(const CfgMachine *machine, NcOverride override, double rpm)
 {
-    double now = 0.0, rpm = 0.0;
+    if (rpm == 0.0 || override.spindle == 100)
+        return rpm;
+    double least = fmin(machine->spindle_min_rpm, fabs(rpm));
+    double most = fmax(machine->spindle_max_rpm, fabs(rpm));
+    return copysign(fmax(least, fmin(most, fabs(rpm) * override.spindle / 100.0)), rpm);
+}
+
+static void set_times(const CfgMachine *machine, NcOverride override, double rpm,
+                      const NcMove *moves, NcTimedMove *timed, size_t n)
+{
+    double now = 0.0, turns = nc_override_rpm(machine, override, rpm);
     for (size_t i = 0; i < n; i++) {
         NcTimedMove *t = &timed[i];
         t->start_s = now;
         if (t->length_mm > 0.0) {
             t->duration_s = travel_time(t);
         } else if (!nc_move_travels(&moves[i])) {
-            if (moves[i].spindle_rpm != rpm)
-                t->duration_s = fabs(moves[i].spindle_rpm - rpm) / machine->spindle_rpm_per_s;
+            double to = nc_override_rpm(machine, override, moves[i].spindle_rpm);
+            if (to != turns)
+                t->duration_s = fabs(to - turns) / machine->spindle_rpm_per_s;
             t->duration_s += moves[i].kind == NC_MOVE_DWELL         ? moves[i].dwell_s
                              : moves[i].kind == NC_MOVE_TOOL_CHANGE ? machine->tool_change_s
                                                                     : 0.0;
-            rpm = moves[i].spindle_rpm;
+            turns = to;
         }
         now += t->duration_s;
     }
