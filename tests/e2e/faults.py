@@ -1,0 +1,208 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Every frame of a delivery and run between segmill and vcnc over Modbus TCP × every fault, one
+machine, one program and one fault a case.
+
+After a fault of the link alone segmill ends well, by itself. Where it cannot (the machine was
+rebooted, segmill was killed) a person looks at the machine and goes on where that is right: tries
+again where nothing was started, lets the machine go on where it holds. In every case the bytes on
+the machine are the program, and the blocks executed are the program's, each once; or, over a
+reboot, the first of them, each once, and segmill says that it does not know more.
+
+usage: faults.py [--window N] [--speed N|max] [--drip HOW] [--every N] [--pairs N --seed N]
+       --every N: only every Nth case; --pairs N: N random pairs of faults of the link besides
+"""
+import argparse
+import asyncio
+import collections
+import hashlib
+import random
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+import cell
+from proxy import FAULTS, Fate, Proxy
+
+LATE_S = 0.25      # a delayed frame; segmill waits 0.1 s for an answer
+AT_ONCE = 5        # cases side by side: they mostly wait
+REFUSED, LINK_LOST = 4, 7
+PROGRAM = cell.program()
+SHA256 = hashlib.sha256(PROGRAM).digest()
+Target = collections.namedtuple("Target", "direction name fault bit", defaults=(0,))
+
+
+class Wrong(Exception):
+    """What must not happen did."""
+
+
+def need(true, why):
+    if not true:
+        raise Wrong(why)
+
+
+class Case:
+    """A cell with a proxy in it; each of `targets` has its fault once, in their order."""
+
+    def __init__(self, options, targets=()):
+        self.options, self.targets = options, list(targets)
+        self.folder = Path(tempfile.mkdtemp(prefix="faults."))
+        self.file = self.folder / "program.ngc"
+        self.file.write_bytes(PROGRAM)
+        memory = 800 if options.drip == "always" else 1 << 20
+        self.machine = cell.Machine(self.folder, options.speed, memory_bytes=memory)
+        self.frames, self.running_since = [], None
+
+    def judge(self, frame):
+        self.frames.append((frame.direction, frame.name))
+        if not self.targets or (frame.direction, frame.name) != self.targets[0][:2]:
+            return Fate()
+        target = self.targets.pop(0)
+        if target.fault == "rebooted":
+            return Fate(hook=self.reboot)
+        if target.fault == "killed":
+            return Fate(hook=self.kill)
+        return Fate(target.fault, target.bit)
+
+    async def reboot(self):
+        self.machine.reboot()
+
+    async def kill(self):
+        self.agent.kill()
+
+    async def run(self):
+        """(exit status of the first segmill, of the last, status of the machine at the end)"""
+        try:
+            async with Proxy(self.machine.port, self.judge, late_s=LATE_S) as proxy:
+                self.agent = cell.Agent(self.folder, proxy.port, self.options.window,
+                                        self.options.drip, description=self.machine.description)
+                first, self.report = await self.agent.send(self.file)
+                self.first_report = self.report
+                last = first
+                status = await self.machine.settled()
+                for _ in range(3):
+                    if not (again := self.person(last, status)):
+                        break
+                    self.machine.press("ack")
+                    last, self.report = await again()
+                    status = await self.machine.settled()
+        finally:
+            if self.machine.process.poll() is None:
+                self.machine.stop()
+        return first, last, status
+
+    def person(self, last, status):
+        """What is right to do now; None: nothing."""
+        if status["state"] == "HELD":
+            return lambda: self.agent.call("resume")
+        if last != 0 and status["run"] == 0 and last != LINK_LOST:
+            return lambda: self.agent.send(self.file)
+        return None
+
+    def lines(self):
+        """Executed blocks, a list for each start of the machine."""
+        return [self.machine.log(start + 1)[0] for start in range(self.machine.starts)]
+
+    def clear(self):
+        shutil.rmtree(self.folder)
+
+
+async def reference(options):
+    """What an undisturbed run executes, and its frames."""
+    case = Case(options)
+    first, _, status = await case.run()
+    need(first == 0 and status["state"] == "COMPLETE", f"without a fault: {first} {case.report}")
+    lines = case.lines()[0]
+    case.clear()
+    return lines, list(dict.fromkeys(case.frames))
+
+
+def judge(case, faults, outcome, whole):
+    """A word for how it ended; raises Wrong."""
+    first, last, status = outcome
+    lines = case.lines()
+    need(all(part == whole[:len(part)] for part in lines), f"executed {lines}")
+    if "rebooted" in faults and last == LINK_LOST:
+        need("restarted" in str(case.report.get("error")), f"the reason given: {case.report}")
+        need(len(lines) == 2 and not lines[1] and status["run"] == 0, f"after a reboot: {lines}")
+        return "stopped, the machine's state is UNKNOWN"
+    need(sum(map(len, lines)) == len(whole), f"executed {lines}, {last} {case.report}")
+    need(last == 0 or "killed" in faults, f"ends with {last}: {case.report}")
+    need(status["state"] in ("COMPLETE", "READY", "IDLE"), f"the machine is {status['state']}")
+    if status["state"] in ("COMPLETE", "READY") and any(lines[-1:]):
+        need(status["id"] == SHA256, "another program is on the machine")
+        need(status["executed_blocks"] == len(whole), f"counts {status['executed_blocks']}")
+        need(status["sha256"] == SHA256 or case.options.drip == "always", "another hash")
+    if not faults & {"rebooted", "killed"}:
+        need(first == 0, f"a fault of the link ends it: {case.first_report}")
+    return "once, without help" if first == 0 else "once, a person went on"
+
+
+def targets(frames, seed):
+    """Every fault of every frame. Both directions, since they are different losses."""
+    dice = random.Random(seed)
+    return [Target(direction, name, fault, dice.randrange(1 << 16)) for direction, name in frames
+            for fault in FAULTS + ("rebooted", "killed")]
+
+
+async def try_case(options, faults, whole):
+    """One case; again where the frame did not come at all: how often is read is a matter of time."""
+    for _ in range(4):
+        case = Case(options, faults)
+        try:
+            outcome = await case.run()
+            word = judge(case, {t.fault for t in faults}, outcome, whole)
+        except (Wrong, RuntimeError, OSError) as wrong:
+            word = wrong
+        case.clear()
+        if not case.targets or isinstance(word, Exception):
+            return word
+    return "the frame did not come"
+
+
+async def sweep(options, cases, whole):
+    room, words, bad = asyncio.Semaphore(AT_ONCE), collections.Counter(), []
+
+    async def one(faults):
+        async with room:
+            word = await try_case(options, faults, whole)
+        if isinstance(word, Exception):
+            bad.append(f"{' and '.join(f'{t.direction} {t.name} {t.fault} {t.bit}' for t in faults)}"
+                       f": {word}")
+        else:
+            words[word] += 1
+
+    await asyncio.gather(*(one(faults) for faults in cases))
+    return words, bad
+
+
+async def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--window", type=int, default=8)
+    parser.add_argument("--speed", default="max")
+    parser.add_argument("--drip", default="never")
+    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--pairs", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    whole, frames = await reference(options)
+    every = targets(frames, options.seed)
+    cases = [[t] for t in every[::options.every]]
+    dice = random.Random(options.seed)
+    links = [t for t in every if t.fault in FAULTS]
+    pairs = [sorted(dice.sample(range(len(links)), 2)) for _ in range(options.pairs)]
+    cases += [[links[i], links[k]] for i, k in pairs]
+    words, bad = await sweep(options, cases, whole)
+    print(f"{len(frames)} frames × {len(FAULTS) + 2} faults, every {options.every}., and "
+          f"{options.pairs} pairs (seed {options.seed}): {len(cases)} cases; window "
+          f"{options.window}, speed {options.speed}, {len(whole)} blocks")
+    for word, n in sorted(words.items()):
+        print(f"  {n} {word}")
+    for what in bad:
+        print(f"  WRONG {what}")
+    absent = words["the frame did not come"]
+    sys.exit(bool(bad) or absent > len(cases) // 20 + options.pairs)
+
+
+asyncio.run(main())
