@@ -26,7 +26,8 @@ static const CfgKey keys[] = {
              "never, or always.",
      .choices = drips},
     {"machine.*", "address", CFG_STRING, "", "modbus://127.0.0.1:1502", 0, 0, MACHINE(address),
-     .help = "Where the machine listens: modbus://host:port, or mbaps://host:port with TLS."},
+     .help = "Where the machine listens: modbus://host:port, mbaps://host:port with TLS, or "
+             "can://interface."},
     {"machine.*", "plain", CFG_BOOL, "", "false", 0, 0, MACHINE(plain),
      .help = "Plain Modbus to another host, where everybody on the way can read and command."},
     {"machine.*", "tls_ca", CFG_FILE, "", "", 0, 0, MACHINE(tls.ca),
@@ -37,6 +38,16 @@ static const CfgKey keys[] = {
      .help = "mbaps: the key of that certificate, in a file that only its owner may read."},
     {"machine.*", "unit_id", CFG_INT, "", "1", 0, 255, MACHINE(unit_id),
      .help = "Its Modbus unit identifier."},
+    {"machine.*", "can_base", CFG_INT, "", "256", 0, CFG_CAN_BASE_MOST, MACHINE(can_base),
+     .help = "can: the lowest of the bus's identifiers that are the machine's and its agents'."},
+    {"machine.*", "can_key", CFG_FILE, "", "", 0, 0, MACHINE(can_key),
+     .help =
+         "can: the key that the machine has, too, as hexadecimal digits in a file that only its "
+         "owner may read."},
+    {"machine.*", "can_first", CFG_INT, "", "0", 0, CFG_CAN_AGENTS_MOST - 1, MACHINE(can_first),
+     .help = "can: the lowest number that a program of this host may take."},
+    {"machine.*", "can_last", CFG_INT, "", "3", 0, CFG_CAN_AGENTS_MOST - 1, MACHINE(can_last),
+     .help = "can: the highest one; each program takes another, and each host has its own."},
     {"machine.*", "file", CFG_FILE, "", "", 0, 0, MACHINE(machine_file),
      .help = "Its description, where `send` finds the gates of a program; empty: none."},
 };
@@ -57,7 +68,7 @@ static const CfgSchema schema = {
 
 static bool is_address(const char *text)
 {
-    static const char *const schemes[] = {"modbus://", "mbaps://"};
+    static const char *const schemes[] = {"modbus://", "mbaps://", "can://"};
     for (size_t i = 0; i < G_N_ELEMENTS(schemes); i++)
         if (text && g_str_has_prefix(text, schemes[i]))
             return true;
@@ -74,8 +85,14 @@ static CfgAgent *read_agent(const CfgIni *ini, GError **error)
         const char *address = agent->machines[i].address;
         if (!is_address(address)) {
             cfg_refuse(ini, group, "address", error,
-                       "'%s' is neither modbus://host:port nor mbaps://host:port",
+                       "'%s' is neither modbus://host:port nor mbaps://host:port nor "
+                       "can://interface",
                        address ? address : "");
+            return NULL;
+        }
+        if (agent->machines[i].can_first > agent->machines[i].can_last) {
+            cfg_refuse(ini, group, "can_first", error, "%d is above can_last = %d",
+                       agent->machines[i].can_first, agent->machines[i].can_last);
             return NULL;
         }
     }

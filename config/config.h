@@ -36,6 +36,9 @@ typedef struct {
     char *key;         /* ours; only its owner may read it */
 } CfgTls;
 
+/* CAN: the lowest identifier, and how many agents have room behind it (docs/protocol.md, 9.1). */
+enum { CFG_CAN_BASE_MOST = 0x7a0, CFG_CAN_AGENTS_MOST = 16 };
+
 /* ------------------------------------------------------------------- tool table */
 
 typedef enum { CFG_TOOL_FLAT, CFG_TOOL_BALL, CFG_TOOL_BULL } CfgToolKind;
@@ -99,6 +102,9 @@ typedef struct {
     char *tools_file;       /* resolved against the machine file's folder */
     bool beyond_loopback;   /* plain Modbus may listen there: whoever reaches it commands */
     CfgTls tls;             /* NULLs: no TLS */
+    int can_base;           /* lowest CAN identifier */
+    char *can_key;          /* file of the key that is shared with the agents; NULL: no CAN */
+    int can_agents;         /* numbers of agents that are served, from 0 */
 } CfgMachine;
 
 CfgMachine *cfg_machine_load(const char *path, GError **error);
@@ -203,11 +209,14 @@ const CfgRegion *cfg_recipe_region(const CfgRecipe *recipe, const char *name);
 
 typedef struct {
     char *name;
-    char *address; /* modbus://host:port, or mbaps://host:port with `tls` */
+    char *address; /* modbus://host:port, mbaps://host:port with `tls`, can://interface */
     bool plain;    /* modbus:// may go beyond loopback */
     CfgTls tls;
     int unit_id;
-    char *machine_file; /* its description; NULL: not known to the agent */
+    int can_base;            /* lowest CAN identifier */
+    char *can_key;           /* file of the key that is shared with the machine */
+    int can_first, can_last; /* agents' numbers that programs of this host may have */
+    char *machine_file;      /* its description; NULL: not known to the agent */
 } CfgTarget;
 
 /* Feeding a program while it runs, because the machine's memory cannot hold it. */

@@ -37,6 +37,14 @@ static const CfgKey keys[] = {
      .help = "The machine's own certificate, which names the host that agents connect to."},
     {"tls", "key", CFG_FILE, "", "", 0, 0, AT(tls.key),
      .help = "The key of that certificate, in a file that only its owner may read."},
+    {"can", "base", CFG_INT, "", "256", 0, CFG_CAN_BASE_MOST, AT(can_base),
+     .help = "The lowest of the bus's identifiers that are the machine's and its agents': 96 of "
+             "them."},
+    {"can", "key", CFG_FILE, "", "", 0, 0, AT(can_key),
+     .help = "The key that the agents have, too, as 32 to 128 hexadecimal digits in a file that "
+             "only its owner may read."},
+    {"can", "agents", CFG_INT, "", "4", 1, CFG_CAN_AGENTS_MOST, AT(can_agents),
+     .help = "How many agents are served, with the numbers from 0."},
     {"axis.x", "min_mm", CFG_REAL, "mm", "-762", -1e5, 1e5, AT(axis[0].min_mm), .help = AXIS_MIN},
     {"axis.x", "max_mm", CFG_REAL, "mm", "0", -1e5, 1e5, AT(axis[0].max_mm), .help = AXIS_MAX},
     {"axis.x", "max_mm_min", CFG_REAL, "mm/min", "25000", 1, 1e6, AT(axis[0].max_mm_min),

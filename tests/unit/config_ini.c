@@ -95,8 +95,11 @@ static const Case cases[] = {
     {"tools", "[tool.3]\n",
      ":1: [tool.3] kind: missing; it must be given: Shape of the end mill's tip.", CFG_ERROR_VALUE},
     {"agent", "[machine.mill]\naddress = serial:1\n",
-     ":2: [machine.mill] address: 'serial:1' is neither modbus://host:port nor mbaps://host:port",
+     ":2: [machine.mill] address: 'serial:1' is neither modbus://host:port nor mbaps://host:port "
+     "nor can://interface",
      CFG_ERROR_VALUE},
+    {"agent", "[machine.mill]\ncan_first = 5\n",
+     ":2: [machine.mill] can_first: 5 is above can_last = 3", CFG_ERROR_VALUE},
 };
 
 static void messages(void)
