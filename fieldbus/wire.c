@@ -111,7 +111,7 @@ enum {
     FLAG_OPTIONAL_STOP = 1 << 4,
 };
 
-static uint16_t flags_of(const FbStatus *s)
+uint16_t fb_wire_flags(const FbStatus *s)
 {
     return (uint16_t)((s->needs_acknowledge ? FLAG_NEEDS_ACKNOWLEDGE : 0) |
                       (s->agent_lost ? FLAG_AGENT_LOST : 0) | (s->drip ? FLAG_DRIP : 0) |
@@ -129,7 +129,7 @@ size_t fb_wire_put_status(uint8_t *out, const FbStatus *s)
     p = put32(put32(p, s->command_session), s->command_seq);
     p = put16(put16(p, (uint16_t)s->command), (uint16_t)s->answer);
     p = put16(p, (uint16_t)s->chunk_answer);
-    p = put16(p, flags_of(s));
+    p = put16(p, fb_wire_flags(s));
     p = put32(put32(p, s->lease_owner), s->lease_ms);
     p = put32(put32(p, s->heartbeat), s->run);
     p = put16(put16(put16(p, (uint16_t)s->run_end), s->alarm_code), s->alarm_serial);

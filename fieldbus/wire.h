@@ -81,6 +81,7 @@ typedef struct {
 } FbBeat;
 
 size_t fb_wire_put_status(uint8_t *out, const FbStatus *status);
+uint16_t fb_wire_flags(const FbStatus *status); /* the field of STATUS */
 size_t fb_wire_put_alarm(uint8_t *out, const FbStatus *status);
 size_t fb_wire_put_ack(uint8_t *out, const FbStatus *status);
 size_t fb_wire_put_offsets(uint8_t *out, const FbSetup *setup);
