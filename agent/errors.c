@@ -20,6 +20,7 @@ static const struct {
     {agent_error_quark, "agent", AGENT_ERROR_USAGE, AGENT_EXIT_USAGE},
     {agent_error_quark, "agent", AGENT_ERROR_TARGET, AGENT_EXIT_USAGE},
     {agent_error_quark, "agent", AGENT_ERROR_INPUT, AGENT_EXIT_INPUT},
+    {agent_error_quark, "agent", AGENT_ERROR_CAUTION, AGENT_EXIT_CAUTION},
     {agent_error_quark, "agent", ANY_CODE, AGENT_EXIT_FAILED},
     {cfg_error_quark, "config", CFG_ERROR_SET, AGENT_EXIT_USAGE},
     {cfg_error_quark, "config", ANY_CODE, AGENT_EXIT_INPUT},
@@ -29,6 +30,7 @@ static const struct {
     {fb_error_quark, "fieldbus", FB_ERROR_ALARM, AGENT_EXIT_ALARM},
     {fb_error_quark, "fieldbus", FB_ERROR_ABORTED, AGENT_EXIT_ABORTED},
     {fb_error_quark, "fieldbus", FB_ERROR_LINK_LOST, AGENT_EXIT_LINK_LOST},
+    {fb_error_quark, "fieldbus", FB_ERROR_CREDENTIALS, AGENT_EXIT_INPUT},
     {fb_error_quark, "fieldbus", ANY_CODE, AGENT_EXIT_REFUSED},
 };
 

@@ -24,6 +24,7 @@ typedef enum {
     FB_ERROR_ALARM,       /* the machine raised an alarm; code and text in the message */
     FB_ERROR_LINK_LOST,   /* while running: the machine's state is UNKNOWN */
     FB_ERROR_ABORTED,     /* a person aborted */
+    FB_ERROR_CREDENTIALS, /* a certificate or key is of no use, or plain Modbus not allowed there */
 } FbError;
 
 #define FB_ERROR fb_error_quark()
@@ -308,19 +309,58 @@ const FbSetup *fb_receiver_setup(const FbReceiver *receiver);
 /* Counters of what was refused, for the log: one per FbAnswer. */
 const uint64_t *fb_receiver_counts(const FbReceiver *receiver);
 
-/* A Modbus TCP server around a receiver. `act` is called for every FbDo. `host` is where it
- * listens: plain Modbus has no identity, so give 127.0.0.1 unless the user asked for more.
- * `unit_id` is answered, and 0 and 255, which mean the device itself. The clock is
- * g_get_monotonic_time. */
+/* A Modbus TCP server around a receiver; several, and other carriers' servers, may share it. `act`
+ * is called for every FbDo. The clock is g_get_monotonic_time. */
+typedef struct {
+    const char *host;  /* where it listens; plain Modbus has no identity: 127.0.0.1 unless the
+                          machine's owner asked for more */
+    uint16_t port;     /* 0: any free one */
+    int unit_id;       /* is answered, and 0 and 255, which mean the device itself */
+    const CfgTls *tls; /* roles by certificate; NULL: plain, and everybody is a programmer */
+} FbModbusServerOptions;
+
 typedef struct FbModbusServer FbModbusServer;
-FbModbusServer *fb_modbus_server_new(const char *host, uint16_t port, int unit_id,
-                                     FbReceiver *receiver, void (*act)(FbDo what, void *data),
-                                     void *data, GMainContext *context, GError **error);
+FbModbusServer *fb_modbus_server_new(const FbModbusServerOptions *options, FbReceiver *receiver,
+                                     void (*act)(FbDo what, void *data), void *data,
+                                     GMainContext *context, GError **error);
 uint16_t fb_modbus_server_port(const FbModbusServer *server); /* what port 0 became */
 /* Modbus exceptions answered so far, for the log: requests that are not of this protocol. */
 uint64_t fb_modbus_server_exceptions(const FbModbusServer *server);
+/* TLS handshakes that failed so far, for the log. */
+uint64_t fb_modbus_server_refused(const FbModbusServer *server);
 void fb_modbus_server_free(FbModbusServer *server);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbModbusServer, fb_modbus_server_free)
+
+/* A server on a CAN bus around a receiver: docs/protocol.md, section 9. Several servers may share a
+ * receiver and its `act`. */
+typedef struct {
+    const char *interface; /* "can0" */
+    const char *key_file;  /* hexadecimal; nobody but its owner may read it */
+    uint16_t base;         /* lowest identifier */
+    unsigned agents;       /* served: numbers 0 to agents - 1; 16 at most */
+} FbCanOptions;
+
+enum { FB_CAN_N_ERRORS = 9 };
+
+/* What was seen on the bus, for the log. */
+typedef struct {
+    uint64_t forged, replayed, malformed; /* messages and frames: nothing was done */
+    uint64_t hellos, openings; /* HELLOs answered, and gone on with; the others were replayed, or
+                                  their senders gave up */
+    uint64_t unsent;           /* answers and beats that the bus did not take */
+    uint64_t breaks;           /* how often the bus was off, down or gone */
+    uint64_t errors[FB_CAN_N_ERRORS]; /* error frames by class: fb_can_error_name */
+} FbCanCounts;
+
+const char *fb_can_error_name(unsigned error_class); /* "bus-off" */
+
+typedef struct FbCanServer FbCanServer;
+FbCanServer *fb_can_server_new(const FbCanOptions *options, FbReceiver *receiver,
+                               void (*act)(FbDo what, void *data), void *data,
+                               GMainContext *context, GError **error);
+FbCanCounts fb_can_server_counts(const FbCanServer *server);
+void fb_can_server_free(FbCanServer *server);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbCanServer, fb_can_server_free)
 
 /* ----------------------------------------------------------------- agent's side */
 
@@ -346,8 +386,9 @@ typedef struct {
     void *data;
 } FbSessionCallbacks;
 
-/* The target's address is modbus://host:port; NULL with an error where it is not. Connects in the
- * background, and shows the status as soon as there is one. */
+/* The target's address is modbus://host:port, or mbaps://host:port with the target's certificate;
+ * plain Modbus goes beyond loopback only where the target says so. NULL with an error where this
+ * does not hold. Connects in the background, and shows the status as soon as there is one. */
 FbSession *fb_session_new(const CfgTarget *target, const CfgAgent *agent,
                           const FbSessionCallbacks *callbacks, GMainContext *context,
                           GError **error);

@@ -124,14 +124,19 @@ void fb_session_set_token(FbSession *s, uint64_t token)
     fb_delivery_set_token(fb_driver_delivery(s->control), token);
 }
 
-static bool parse_address(const char *address, char **host, uint16_t *port, GError **error)
+static bool parse_address(const char *address, char **host, uint16_t *port, bool *secure,
+                          GError **error)
 {
-    const char *scheme = "modbus://";
+    static const char plain[] = "modbus://", tls[] = "mbaps://";
     g_autoptr(GSocketConnectable) name = NULL;
-    if (g_str_has_prefix(address, scheme))
-        name = g_network_address_parse(address + strlen(scheme), 502, error);
+    *secure = g_str_has_prefix(address, tls);
+    if (*secure)
+        name = g_network_address_parse(address + strlen(tls), 802, error);
+    else if (g_str_has_prefix(address, plain))
+        name = g_network_address_parse(address + strlen(plain), 502, error);
     else
-        g_set_error(error, FB_ERROR, FB_ERROR_UNREACHABLE, "write modbus://HOST:PORT");
+        g_set_error(error, FB_ERROR, FB_ERROR_UNREACHABLE,
+                    "write modbus://HOST:PORT or mbaps://HOST:PORT");
     if (!name) {
         g_prefix_error(error, "%s is not an address of a machine: ", address);
         return false;
@@ -139,6 +144,12 @@ static bool parse_address(const char *address, char **host, uint16_t *port, GErr
     *host = g_strdup(g_network_address_get_hostname(G_NETWORK_ADDRESS(name)));
     *port = g_network_address_get_port(G_NETWORK_ADDRESS(name));
     return true;
+}
+
+static bool is_loopback(const char *host)
+{
+    g_autoptr(GInetAddress) address = g_inet_address_new_from_string(host);
+    return address ? g_inet_address_get_is_loopback(address) : strcmp(host, "localhost") == 0;
 }
 
 static FbDelivery *new_delivery(const CfgAgent *agent, uint64_t token)
@@ -162,11 +173,22 @@ static FbDriver *new_driver(FbSession *s, const CfgTarget *target, const CfgAgen
                             GMainContext *context, GError **error)
 {
     g_autofree char *host = NULL;
+    g_autoptr(FbTls) tls = NULL;
     uint16_t port;
-    if (!parse_address(target->address, &host, &port, error))
+    bool secure;
+    if (!parse_address(target->address, &host, &port, &secure, error))
         return NULL;
+    if (secure && !(tls = fb_tls_new(&target->tls, false, error)))
+        return NULL;
+    if (!secure && !target->plain && !is_loopback(host)) {
+        g_set_error(error, FB_ERROR, FB_ERROR_CREDENTIALS,
+                    "%s: plain Modbus beyond this host is open to everybody on the way: use "
+                    "mbaps://, or set plain = true for this machine in the agent's configuration",
+                    target->address);
+        return NULL;
+    }
     FbDriver *driver = fb_driver_new(new_delivery(agent, token), callbacks, s, context);
-    fb_modbus_client_attach(driver, host, port, target->unit_id);
+    fb_modbus_client_attach(driver, host, port, target->unit_id, tls);
     return driver;
 }
 

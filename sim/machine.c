@@ -53,8 +53,10 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
                                   .lease_timeout_us = LEASE_PER_AGENT_TIMEOUT * agent_timeout_us};
     machine->receiver = fb_receiver_new(&receiver);
     machine->clock = clock_new(machine);
-    machine->server = fb_modbus_server_new(options->host, options->port, UNIT_ID, machine->receiver,
-                                           act, machine, NULL, error);
+    FbModbusServerOptions server = {
+        .host = options->host, .port = options->port, .unit_id = UNIT_ID};
+    machine->server =
+        fb_modbus_server_new(&server, machine->receiver, act, machine, NULL, error);
     if (!machine->server)
         return NULL;
     step(machine, SIM_TICK, NULL);

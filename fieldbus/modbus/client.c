@@ -28,6 +28,7 @@ struct FbModbusClient {
     char *host;
     uint16_t port;
     uint8_t unit_id;
+    FbTls *tls; /* NULL: plain */
     Attempt *attempt;
     FbMbap *mbap; /* NULL: not connected */
     uint16_t transaction;
@@ -137,9 +138,16 @@ static void on_broken(FbMbap *mbap, const char *why, void *data)
 
 /* ------------------------------------------------------------------ connection */
 
+static void on_ready(FbMbap *mbap, void *data)
+{
+    (void)mbap;
+    FbModbusClient *c = data;
+    fb_driver_event(c->driver, &(FbEvent){.kind = FB_EVENT_CONNECTED});
+}
+
 static void on_connected(GObject *object, GAsyncResult *result, gpointer data)
 {
-    static const FbMbapCallbacks callbacks = {.adu = on_adu, .broken = on_broken};
+    static const FbMbapCallbacks callbacks = {on_ready, on_adu, on_broken};
     Attempt *attempt = data;
     FbModbusClient *c = attempt->client;
     g_autoptr(GError) error = NULL;
@@ -156,8 +164,7 @@ static void on_connected(GObject *object, GAsyncResult *result, gpointer data)
         fb_driver_broken(c->driver, error ? error->message : "no file descriptor is left");
         return;
     }
-    c->mbap = fb_mbap_new(fd, &callbacks, c, fb_driver_context(c->driver));
-    fb_driver_event(c->driver, &(FbEvent){.kind = FB_EVENT_CONNECTED});
+    c->mbap = fb_mbap_new(fd, c->tls, c->host, &callbacks, c, fb_driver_context(c->driver));
 }
 
 static void connect_to(void *transport)
@@ -192,11 +199,13 @@ static void free_client(void *transport)
 {
     FbModbusClient *c = transport;
     disconnect(c);
+    fb_tls_unref(c->tls);
     g_free(c->host);
     g_free(c);
 }
 
-void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, int unit_id)
+void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, int unit_id,
+                             FbTls *tls)
 {
     static const FbTransport transport = {connect_to, disconnect, send_request, free_client};
     FbModbusClient *c = g_new0(FbModbusClient, 1);
@@ -204,5 +213,6 @@ void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, 
     c->host = g_strdup(host);
     c->port = port;
     c->unit_id = (uint8_t)unit_id;
+    c->tls = tls ? fb_tls_ref(tls) : NULL;
     fb_driver_set_transport(driver, &transport, c);
 }

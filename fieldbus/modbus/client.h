@@ -7,8 +7,10 @@
 #define FIELDBUS_MODBUS_CLIENT_H
 
 #include "fieldbus/driver.h"
+#include "fieldbus/modbus/tls.h"
 
-/* Gives the driver its transport. */
-void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, int unit_id);
+/* Gives the driver its transport; `tls` NULL: plain. */
+void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, int unit_id,
+                             FbTls *tls);
 
 #endif

@@ -1,15 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The machine's Modbus TCP server. mbap.* frames each connection; here an ADU is checked against
- * section 2.7 of docs/protocol.md, its block is written to the receiver, and libmodbus answers it
- * from the registers. libmodbus blocks on a slow peer and believes any length, so it sits behind a
- * socketpair and sees one whole, checked ADU at a time.
+ * The machine's Modbus TCP server, plain or in TLS. mbap.* frames each connection; here an ADU is
+ * checked against section 2.9 of docs/protocol.md, its block is written to the receiver, and the
+ * registers that it reads are copied out.
  */
-#include <errno.h>
 #include <gio/gio.h>
 #include <modbus.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include "fieldbus/modbus/mbap.h"
@@ -18,8 +15,8 @@
 enum {
     CHUNK_BYTES = 218, /* of the stream: what a FC23 can write less the chunk's header */
     WRITE_BYTES = 242, /* what it can write: 121 registers */
-    MAX_CLIENTS = 16,
-    BACKLOG = 64, /* connections that wait to be accepted: a crowd must not keep a hold out */
+    MAX_CLIENTS = 16,  /* that are ready; as many again may be on their way to it */
+    BACKLOG = 64,      /* connections that wait to be accepted: a crowd must not keep a hold out */
     READ_MOST = MODBUS_MAX_READ_REGISTERS,
     UNIT_NOT_HERE = MODBUS_EXCEPTION_GATEWAY_TARGET,
 };
@@ -29,16 +26,17 @@ struct FbModbusServer {
     GSource *accepting, *ticking;
     GMainContext *context;
     FbReceiver *receiver;
+    FbTls *tls; /* NULL: plain */
     void (*act)(FbDo what, void *data);
     void *data;
     int unit_id;
     GPtrArray *clients;  /* of FbMbap */
     GArray *actions;     /* of FbDo */
     uint64_t exceptions; /* answered */
-    modbus_t *modbus;
-    int modbus_fd; /* our end of its socketpair */
-    modbus_mapping_t map;
-    uint16_t registers[FB_N_REGISTERS];
+    uint64_t refused;    /* handshakes */
+    bool published;      /* ALARM, OFFSETS and TOOLS are in `map`, by these serials */
+    uint16_t alarm_serial, setup_serial;
+    uint8_t map[2 * FB_N_REGISTERS]; /* as it is read; the blocks that are written stay 0 */
 };
 
 /* What an ADU asks for; counts are 0 where it does not read or write. */
@@ -49,8 +47,8 @@ typedef struct {
 
 static int parse(const uint8_t *pdu, size_t n, Wish *wish);
 static int check(const Wish *wish);
-static void write_block(FbModbusServer *s, const Wish *wish);
-static size_t answer(FbModbusServer *s, const uint8_t *adu, size_t n, uint8_t *out);
+static void write_block(FbModbusServer *s, FbRole role, const Wish *wish);
+static size_t answer(FbModbusServer *s, const uint8_t *pdu, const Wish *wish, uint8_t *out);
 static void tick(FbModbusServer *s);
 
 static void on_adu(FbMbap *client, const uint8_t *adu, size_t n, void *data)
@@ -59,8 +57,8 @@ static void on_adu(FbMbap *client, const uint8_t *adu, size_t n, void *data)
     const int unit = adu[6];
     const uint8_t *pdu = adu + FB_MBAP_HEADER_BYTES;
     Wish wish = {0};
-    uint8_t out[FB_ADU_BYTES];
-    size_t n_out;
+    uint8_t out[FB_ADU_BYTES] = {adu[0], adu[1], 0, 0, 0, 0, adu[6]};
+    size_t n_out = FB_MBAP_HEADER_BYTES;
     int exception = unit == s->unit_id || unit == 0 || unit == 255 ? 0 : UNIT_NOT_HERE;
     if (!exception)
         exception = parse(pdu, n - FB_MBAP_HEADER_BYTES, &wish);
@@ -68,17 +66,15 @@ static void on_adu(FbMbap *client, const uint8_t *adu, size_t n, void *data)
         exception = check(&wish);
     if (exception) {
         s->exceptions++;
-        const uint8_t refusal[] = {
-            adu[0], adu[1], 0, 0, 0, 3, adu[6], pdu[0] | 0x80, (uint8_t)exception};
-        n_out = sizeof refusal;
-        memcpy(out, refusal, n_out);
+        out[n_out++] = pdu[0] | 0x80;
+        out[n_out++] = (uint8_t)exception;
     } else {
         if (wish.n_write > 0)
-            write_block(s, &wish);
-        n_out = answer(s, adu, n, out);
+            write_block(s, fb_mbap_role(client), &wish);
+        n_out += answer(s, pdu, &wish, out + n_out);
     }
-    if (n_out > 0)
-        fb_mbap_send(client, out, n_out);
+    out[5] = (uint8_t)(n_out - 6);
+    fb_mbap_send(client, out, n_out);
 }
 
 static unsigned u16(const uint8_t *p)
@@ -160,51 +156,49 @@ static void do_actions(FbModbusServer *s)
     g_array_set_size(s->actions, 0);
 }
 
-static void write_block(FbModbusServer *s, const Wish *w)
+static void write_block(FbModbusServer *s, FbRole role, const Wish *w)
 {
     const FbBlock block = blocks[find_block(w)].block;
-    fb_receiver_write(s->receiver, FB_ROLE_PROGRAMMER, block, w->written, 2 * (size_t)w->n_write,
+    fb_receiver_write(s->receiver, role, block, w->written, 2 * (size_t)w->n_write,
                       g_get_monotonic_time(), s->actions);
     do_actions(s);
     if (block != FB_BLOCK_CHUNK) /* the lease's times may have moved */
         tick(s);
 }
 
-static void load(uint16_t *registers, const uint8_t *bytes, size_t n)
-{
-    for (size_t i = 0; i < n; i += 2)
-        *registers++ = (uint16_t)u16(bytes + i);
-}
-
-static void load_setup(FbModbusServer *s)
-{
-    uint8_t block[FB_BLOCK_BYTES];
-    const FbSetup *setup = fb_receiver_setup(s->receiver);
-    load(s->registers + FB_AT_OFFSETS, block, fb_wire_put_offsets(block, setup));
-    for (unsigned page = 0; page < FB_TOOLS_PAGES; page++)
-        load(s->registers + FB_AT_TOOLS + page * FB_TOOLS_PAGE_REGISTERS, block,
-             fb_wire_put_tools(block, setup, page));
-}
-
-/* The bytes of libmodbus' answer; 0 where it has none. */
-static size_t answer(FbModbusServer *s, const uint8_t *adu, size_t n, uint8_t *out)
+/* The map as it is now. What changes seldom has a serial number. */
+static void publish(FbModbusServer *s)
 {
     FbStatus status;
-    uint8_t block[FB_BLOCK_BYTES], request[MODBUS_TCP_MAX_ADU_LENGTH];
+    const FbSetup *setup = fb_receiver_setup(s->receiver);
     fb_receiver_status(s->receiver, g_get_monotonic_time(), &status);
     status.chunk_max = CHUNK_BYTES;
-    load(s->registers + FB_AT_STATUS, block, fb_wire_put_status(block, &status));
-    load(s->registers + FB_AT_ALARM, block, fb_wire_put_alarm(block, &status));
-    load_setup(s);
-    ssize_t got = -1;
-    if (send(s->modbus_fd, adu, n, MSG_NOSIGNAL) == (ssize_t)n) {
-        const int taken = modbus_receive(s->modbus, request);
-        if (taken > 0 && modbus_reply(s->modbus, request, taken, &s->map) > 0)
-            got = recv(s->modbus_fd, out, FB_ADU_BYTES, MSG_DONTWAIT);
+    fb_wire_put_status(s->map + 2 * FB_AT_STATUS, &status);
+    if (!s->published || status.alarm_serial != s->alarm_serial)
+        fb_wire_put_alarm(s->map + 2 * FB_AT_ALARM, &status);
+    if (!s->published || setup->serial != s->setup_serial) {
+        fb_wire_put_offsets(s->map + 2 * FB_AT_OFFSETS, setup);
+        for (unsigned page = 0; page < FB_TOOLS_PAGES; page++)
+            fb_wire_put_tools(s->map + 2 * (FB_AT_TOOLS + page * FB_TOOLS_PAGE_REGISTERS), setup,
+                              page);
     }
-    /* What was written is the receiver's now: nobody reads a token back. */
-    memset(s->registers + FB_AT_COMMAND, 0, (FB_N_REGISTERS - FB_AT_COMMAND) * 2);
-    return got > 0 ? (size_t)got : 0;
+    s->published = true;
+    s->alarm_serial = status.alarm_serial;
+    s->setup_serial = setup->serial;
+}
+
+/* The PDU of the answer; its length. */
+static size_t answer(FbModbusServer *s, const uint8_t *pdu, const Wish *w, uint8_t *out)
+{
+    out[0] = pdu[0];
+    if (w->n_read == 0) {
+        memcpy(out + 1, pdu + 1, 4); /* where, and how many */
+        return 5;
+    }
+    publish(s);
+    out[1] = (uint8_t)(2 * w->n_read);
+    memcpy(out + 2, s->map + 2 * w->read_at, out[1]);
+    return 2 + (size_t)out[1];
 }
 
 /* ------------------------------------------------------------------- connections */
@@ -213,32 +207,45 @@ static void on_broken(FbMbap *client, const char *why, void *data)
 {
     (void)why;
     FbModbusServer *s = data;
+    if (s->tls && fb_mbap_role(client) == FB_ROLE_NONE)
+        s->refused++;
     g_ptr_array_remove_fast(s->clients, client);
 }
 
-/* Room for one more: the one that was silent longest goes. */
-static void make_room(FbModbusServer *s)
+/* Room for one more that is ready, or that is not: the one of its kind that was silent longest
+ * goes. So whoever cannot make itself known closes nobody's connection who has. */
+static void make_room(FbModbusServer *s, bool ready, const FbMbap *newcomer)
 {
-    guint oldest = 0;
-    if (s->clients->len < MAX_CLIENTS)
-        return;
-    for (guint i = 1; i < s->clients->len; i++)
-        if (fb_mbap_heard_us(s->clients->pdata[i]) < fb_mbap_heard_us(s->clients->pdata[oldest]))
-            oldest = i;
-    g_ptr_array_remove_index_fast(s->clients, oldest);
+    unsigned n = 0;
+    FbMbap *oldest = NULL;
+    for (guint i = 0; i < s->clients->len; i++) {
+        FbMbap *client = s->clients->pdata[i];
+        if (client == newcomer || (fb_mbap_role(client) != FB_ROLE_NONE) != ready)
+            continue;
+        n++;
+        if (!oldest || fb_mbap_heard_us(client) < fb_mbap_heard_us(oldest))
+            oldest = client;
+    }
+    if (n >= MAX_CLIENTS)
+        g_ptr_array_remove_fast(s->clients, oldest);
+}
+
+static void on_ready(FbMbap *client, void *data)
+{
+    make_room(data, true, client);
 }
 
 static gboolean on_accept(GSocket *listener, GIOCondition condition, gpointer data)
 {
-    static const FbMbapCallbacks callbacks = {.adu = on_adu, .broken = on_broken};
+    static const FbMbapCallbacks callbacks = {on_ready, on_adu, on_broken};
     (void)condition;
     FbModbusServer *s = data;
     g_autoptr(GSocket) socket = g_socket_accept(listener, NULL, NULL);
     const int fd = socket ? dup(g_socket_get_fd(socket)) : -1;
     if (fd < 0)
         return G_SOURCE_CONTINUE;
-    make_room(s);
-    g_ptr_array_add(s->clients, fb_mbap_new(fd, &callbacks, s, s->context));
+    make_room(s, false, NULL);
+    g_ptr_array_add(s->clients, fb_mbap_new(fd, s->tls, NULL, &callbacks, s, s->context));
     return G_SOURCE_CONTINUE;
 }
 
@@ -280,44 +287,26 @@ static GSocket *listen_on(const char *host, uint16_t port, GError **error)
     return g_steal_pointer(&socket);
 }
 
-static bool put_libmodbus_behind_a_socketpair(FbModbusServer *s, GError **error)
-{
-    int pair[2];
-    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, pair) != 0) {
-        g_set_error(error, FB_ERROR, FB_ERROR_UNREACHABLE, "no socketpair: %s", g_strerror(errno));
-        return false;
-    }
-    s->modbus_fd = pair[0];
-    s->modbus = modbus_new_tcp("127.0.0.1", 0);
-    modbus_set_socket(s->modbus, pair[1]);
-    s->map = (modbus_mapping_t){.nb_registers = FB_N_REGISTERS,
-                                .nb_input_registers = FB_N_REGISTERS,
-                                .tab_registers = s->registers,
-                                .tab_input_registers = s->registers};
-    return true;
-}
-
-FbModbusServer *fb_modbus_server_new(const char *host, uint16_t port, int unit_id,
-                                     FbReceiver *receiver, void (*act)(FbDo what, void *data),
-                                     void *data, GMainContext *context, GError **error)
+FbModbusServer *fb_modbus_server_new(const FbModbusServerOptions *options, FbReceiver *receiver,
+                                     void (*act)(FbDo what, void *data), void *data,
+                                     GMainContext *context, GError **error)
 {
     static GSourceFuncs ticks = {.dispatch = dispatch_tick};
     g_autoptr(FbModbusServer) s = g_new0(FbModbusServer, 1);
-    s->modbus_fd = -1;
     s->receiver = receiver;
     s->act = act;
     s->data = data;
-    s->unit_id = unit_id;
+    s->unit_id = options->unit_id;
     s->context = context ? g_main_context_ref(context) : NULL;
     s->clients = g_ptr_array_new_with_free_func((GDestroyNotify)fb_mbap_free);
     s->actions = g_array_new(FALSE, FALSE, sizeof(FbDo));
-    s->listener = listen_on(host, port, error);
+    if (options->tls && !(s->tls = fb_tls_new(options->tls, true, error)))
+        return NULL;
+    s->listener = listen_on(options->host, options->port, error);
     if (!s->listener) {
-        g_prefix_error(error, "cannot listen for Modbus on %s:%u: ", host, port);
+        g_prefix_error(error, "cannot listen for Modbus on %s:%u: ", options->host, options->port);
         return NULL;
     }
-    if (!put_libmodbus_behind_a_socketpair(s, error))
-        return NULL;
     s->accepting = g_socket_create_source(s->listener, G_IO_IN, NULL);
     g_source_set_callback(s->accepting, G_SOURCE_FUNC(on_accept), s, NULL);
     g_source_attach(s->accepting, context);
@@ -339,6 +328,11 @@ uint64_t fb_modbus_server_exceptions(const FbModbusServer *s)
     return s->exceptions;
 }
 
+uint64_t fb_modbus_server_refused(const FbModbusServer *s)
+{
+    return s->refused;
+}
+
 static void end_source(GSource *source)
 {
     if (!source)
@@ -356,11 +350,7 @@ void fb_modbus_server_free(FbModbusServer *s)
     g_ptr_array_unref(s->clients);
     g_array_unref(s->actions);
     g_clear_object(&s->listener);
-    if (s->modbus) {
-        modbus_close(s->modbus); /* with its end of the socketpair */
-        modbus_free(s->modbus);
-        close(s->modbus_fd);
-    }
+    fb_tls_unref(s->tls);
     if (s->context)
         g_main_context_unref(s->context);
     g_free(s);

@@ -105,7 +105,8 @@ static void serve_ours(int port_pipe)
     Peer p = {.receiver = fb_receiver_new(&options), .loop = g_main_loop_new(NULL, FALSE)};
     fb_receiver_machine(p.receiver, FB_MACHINE_ACKNOWLEDGED, NULL, 0, NULL);
     FbModbusServer *server =
-        fb_modbus_server_new("127.0.0.1", 0, 1, p.receiver, act, &p, NULL, NULL);
+        fb_modbus_server_new(&(FbModbusServerOptions){.host = "127.0.0.1", .unit_id = 1},
+                             p.receiver, act, &p, NULL, NULL);
     const uint16_t port = server ? fb_modbus_server_port(server) : 0;
     if (write(port_pipe, &port, sizeof port) == sizeof port)
         g_main_loop_run(p.loop);

@@ -20,7 +20,7 @@ typedef struct {
     FbModbusServer *server;
     FbSession *session;
     bool slow;
-    int starts, holds, done[3], shown;
+    int starts, holds, done[FB_N_TASKS], shown;
     GBytes *executed;
     GError *error;
 } Cell;
@@ -87,6 +87,14 @@ static inline void open_session(Cell *c)
     g_assert_no_error(c->error);
 }
 
+/* The machine's server, plain, on this port. */
+static inline void serve(Cell *c, uint16_t port)
+{
+    const FbModbusServerOptions options = {.host = "127.0.0.1", .port = port, .unit_id = 1};
+    c->server = fb_modbus_server_new(&options, c->receiver, act, c, c->context, &c->error);
+    g_assert_no_error(c->error);
+}
+
 static inline void open_cell(Cell *c)
 {
     const FbReceiverOptions options = {.epoch = 77,
@@ -95,8 +103,7 @@ static inline void open_cell(Cell *c)
                                        .agent_timeout_us = 5000000,
                                        .lease_timeout_us = 30000000};
     *c = (Cell){.context = g_main_context_new(), .receiver = fb_receiver_new(&options)};
-    c->server = fb_modbus_server_new("127.0.0.1", 0, 1, c->receiver, act, c, c->context, &c->error);
-    g_assert_no_error(c->error);
+    serve(c, 0);
     machine(c, FB_MACHINE_ACKNOWLEDGED);
 }
 

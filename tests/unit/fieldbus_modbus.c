@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The machine's Modbus server as plain masters, strangers and a foreign tool see it:
- * docs/protocol.md, section 2.7. */
+ * docs/protocol.md, section 2.9. */
 #include "tests/unit/fieldbus_cell.h"
 
 /* ----------------------------------------------------------------- raw connections */

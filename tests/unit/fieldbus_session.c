@@ -244,8 +244,7 @@ static void machine_restarts(void)
                                        .agent_timeout_us = 5000000,
                                        .lease_timeout_us = 30000000};
     c.receiver = fb_receiver_new(&options);
-    c.server = fb_modbus_server_new("127.0.0.1", port, 1, c.receiver, act, &c, c.context, &c.error);
-    g_assert_no_error(c.error);
+    serve(&c, port);
     g_assert_true(run_until(&c, &c.done[FB_TASK_RUN], 1));
     g_assert_error(c.error, FB_ERROR, FB_ERROR_LINK_LOST);
     g_assert_cmpint(c.starts, ==, 1);
