@@ -52,7 +52,8 @@ static bool machine_init(Machine *m)
     *m = (Machine){.context = g_main_context_new(), .receiver = fb_receiver_new(&options)};
     tell(m, FB_MACHINE_ACKNOWLEDGED);
     m->loop = g_main_loop_new(m->context, FALSE);
-    m->server = fb_modbus_server_new("127.0.0.1", 0, 1, m->receiver, act, m, m->context, &error);
+    const FbModbusServerOptions server = {.host = "127.0.0.1", .unit_id = 1};
+    m->server = fb_modbus_server_new(&server, m->receiver, act, m, m->context, &error);
     g_assert_no_error(error);
     m->thread = g_thread_new("machine", serve, m);
     return m->server != NULL;
