@@ -1,0 +1,679 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The panel's state machine: scripts of what happens, told in many ways; every sequence of a few
+ * events against what a start and a hold may be; bounce. */
+#include "agent/panel/panel.h"
+
+#include <string.h>
+
+#include "tests/lib/test.h"
+
+enum { MS = 1000, DEBOUNCE = 20 * MS };
+
+static FbStatus status_of(FbState state, uint32_t transfer, bool acknowledge)
+{
+    return (FbStatus){
+        .state = state, .epoch = 7, .transfer = transfer, .needs_acknowledge = acknowledge};
+}
+
+/* ---------------------------------------------------------------------- scripts */
+
+typedef struct {
+    AgentPanel panel;
+    int64_t now_us, wake_us;
+    int starts, holds, ignored;
+    int64_t start_us, hold_us; /* when it was the last time */
+    bool lamp;
+} Rig;
+
+static void tell(Rig *r, const AgentPanelEvent *event, int64_t now_us)
+{
+    AgentPanelActions out;
+    r->now_us = now_us;
+    agent_panel_step(&r->panel, event, now_us, &out);
+    r->starts += out.start;
+    r->holds += out.hold;
+    r->ignored += out.ignored != NULL;
+    r->start_us = out.start ? now_us : r->start_us;
+    r->hold_us = out.hold ? now_us : r->hold_us;
+    r->wake_us = out.wake_us;
+    r->lamp = out.lamp;
+    g_assert_false(out.start && out.hold);
+    g_assert_true(out.wake_us > now_us || event->kind == AGENT_PANEL_EDGE);
+}
+
+/* Lets time pass. step_us > 0: ticks that often; 0: exactly when they are asked for. */
+static void pass(Rig *r, int64_t until_us, int64_t step_us)
+{
+    static const AgentPanelEvent tick = {.kind = AGENT_PANEL_TICK};
+    for (;;) {
+        const int64_t next_us = step_us > 0 ? r->now_us + step_us : r->wake_us;
+        if (next_us >= until_us)
+            return;
+        tell(r, &tick, next_us);
+    }
+}
+
+static const struct {
+    const char *word;
+    AgentPanelEvent event; /* at_us is filled in */
+    FbState state;
+    uint32_t transfer;
+    bool acknowledge;
+} words[] = {
+    {"lines", {.kind = AGENT_PANEL_LINES}, 0, 0, 0},
+    {"lines-start", {.kind = AGENT_PANEL_LINES, .pressed = {true, false}}, 0, 0, 0},
+    {"lines-hold", {.kind = AGENT_PANEL_LINES, .pressed = {false, true}}, 0, 0, 0},
+    {"gone", {.kind = AGENT_PANEL_NO_LINES}, 0, 0, 0},
+    {"S", {.kind = AGENT_PANEL_EDGE, .key = AGENT_KEY_START, .pressed = {true, false}}, 0, 0, 0},
+    {"s", {.kind = AGENT_PANEL_EDGE, .key = AGENT_KEY_START}, 0, 0, 0},
+    {"H", {.kind = AGENT_PANEL_EDGE, .key = AGENT_KEY_HOLD, .pressed = {false, true}}, 0, 0, 0},
+    {"h", {.kind = AGENT_PANEL_EDGE, .key = AGENT_KEY_HOLD}, 0, 0, 0},
+    {"ready", {.kind = AGENT_PANEL_STATUS}, FB_STATE_READY, 1, false},
+    {"other", {.kind = AGENT_PANEL_STATUS}, FB_STATE_READY, 2, false},
+    {"needs-ack", {.kind = AGENT_PANEL_STATUS}, FB_STATE_READY, 1, true},
+    {"idle", {.kind = AGENT_PANEL_STATUS}, FB_STATE_IDLE, 0, false},
+    {"running", {.kind = AGENT_PANEL_STATUS}, FB_STATE_RUNNING, 1, false},
+    {"holding", {.kind = AGENT_PANEL_STATUS}, FB_STATE_HOLDING, 1, false},
+    {"held", {.kind = AGENT_PANEL_STATUS}, FB_STATE_HELD, 1, false},
+    {"complete", {.kind = AGENT_PANEL_STATUS}, FB_STATE_COMPLETE, 1, false},
+    {"alarm", {.kind = AGENT_PANEL_STATUS}, FB_STATE_ALARM, 1, true},
+    {"lost", {.kind = AGENT_PANEL_STATUS}, FB_STATE_UNKNOWN, 1, false},
+    {"ended", {.kind = AGENT_PANEL_RUN_ENDED}, 0, 0, 0},
+    {"refused", {.kind = AGENT_PANEL_RUN_ENDED, .refused = true}, 0, 0, 0},
+    {"answered", {.kind = AGENT_PANEL_HOLD_ANSWERED}, 0, 0, 0},
+    {"end", {.kind = AGENT_PANEL_TICK}, 0, 0, 0},
+};
+
+/* "MS WORD MS WORD …" */
+static void play(Rig *r, const char *script, int64_t step_us)
+{
+    g_auto(GStrv) parts = g_strsplit(script, " ", -1);
+    for (size_t i = 0; parts[i] && parts[i + 1]; i += 2) {
+        size_t w = 0;
+        while (w < G_N_ELEMENTS(words) && strcmp(words[w].word, parts[i + 1]) != 0)
+            w++;
+        if (w == G_N_ELEMENTS(words))
+            g_error("no word %s", parts[i + 1]);
+        const FbStatus status = status_of(words[w].state, words[w].transfer, words[w].acknowledge);
+        AgentPanelEvent event = words[w].event;
+        event.at_us = g_ascii_strtoll(parts[i], NULL, 10) * MS;
+        event.status = &status;
+        pass(r, event.at_us, step_us);
+        tell(r, &event, event.at_us);
+    }
+}
+
+static Rig rig(void)
+{
+    return (Rig){.panel = agent_panel_new(DEBOUNCE, 0), .wake_us = INT64_MAX};
+}
+
+/* `starts` and the end hold however often ticks come; `holds` where they come in time. */
+static const struct {
+    const char *name, *script;
+    int starts, holds;
+    AgentLamp lamp;
+    AgentFault fault;
+} scripts[] = {
+    /* every order of: READY comes, press, release */
+    {"ready-press-release", "0 lines 100 ready 200 S 300 s 2000 end", 1, 0, AGENT_LAMP_OFF, 0},
+    {"ready-release-press", "0 lines 90 S 95 s 100 ready 200 s 300 S 2000 end", 1, 0,
+     AGENT_LAMP_OFF, 0},
+    {"press-ready-release", "0 lines 100 S 200 ready 300 s 2000 end", 0, 0, AGENT_LAMP_SLOW, 0},
+    {"press-release-ready", "0 lines 100 S 200 s 300 ready 2000 end", 0, 0, AGENT_LAMP_SLOW, 0},
+    {"press-ready-release-press", "0 lines 100 S 200 ready 300 s 400 S 2000 end", 1, 0,
+     AGENT_LAMP_OFF, 0},
+    {"release-too-short", "0 lines 100 S 200 ready 300 s 319 S 2000 end", 0, 0, AGENT_LAMP_OFF, 0},
+    {"ready-too-late", "0 lines 100 ready 119 S 2000 end", 0, 0, AGENT_LAMP_OFF, 0},
+    {"ready-in-time", "0 lines 100 ready 120 S 2000 end", 1, 0, AGENT_LAMP_OFF, 0},
+    {"touched", "0 lines 100 ready 200 S 219 s 2000 end", 0, 0, AGENT_LAMP_SLOW, 0},
+    {"long-enough", "0 lines 100 ready 200 S 220 s 2000 end", 1, 0, AGENT_LAMP_OFF, 0},
+    /* what is started */
+    {"nothing-there", "0 lines 100 idle 200 S 300 s 2000 end", 0, 0, AGENT_LAMP_OFF, 0},
+    {"complete", "0 lines 100 complete 200 S 300 s 2000 end", 0, 0, AGENT_LAMP_OFF, 0},
+    {"not-acknowledged", "0 lines 100 needs-ack 200 S 300 s 2000 end", 0, 0, AGENT_LAMP_FAST, 0},
+    {"acknowledged-while-pressed", "0 lines 100 needs-ack 200 S 300 ready 2000 end", 0, 0,
+     AGENT_LAMP_OFF, 0},
+    {"another-program", "0 lines 100 ready 200 other 210 S 300 s 2000 end", 0, 0, AGENT_LAMP_SLOW,
+     0},
+    {"another-program-under-the-finger", "0 lines 100 ready 200 S 210 other 2000 end", 0, 0,
+     AGENT_LAMP_OFF, 0},
+    {"running", "0 lines 100 running 200 S 300 s 2000 end", 0, 0, AGENT_LAMP_STEADY, 0},
+    {"ready-left-under-the-finger", "0 lines 100 ready 200 S 210 running 2000 end", 0, 0,
+     AGENT_LAMP_STEADY, 0},
+    {"once-a-press", "0 lines 100 ready 200 S 400 running 800 ended 900 ready 3000 end", 1, 0,
+     AGENT_LAMP_OFF, 0},
+    {"once-a-run", "0 lines 100 ready 200 S 300 s 400 S 500 s 600 S 2000 end", 1, 0, AGENT_LAMP_OFF,
+     0},
+    {"twice", "0 lines 100 ready 200 S 300 s 400 running 800 ready 801 ended 900 S 2000 end", 2, 0,
+     AGENT_LAMP_OFF, 0},
+    {"refused", "0 lines 100 ready 200 S 300 s 400 refused 2000 end", 1, 0, AGENT_LAMP_DOUBLE,
+     AGENT_FAULT_REFUSED},
+    {"refused-under-the-finger", "0 lines 100 ready 200 S 400 refused 5000 end", 1, 0,
+     AGENT_LAMP_DOUBLE, AGENT_FAULT_REFUSED},
+    {"refused-pressed-at-once", "0 lines 100 ready 200 S 300 s 400 refused 500 S 600 s 2500 end", 1,
+     0, AGENT_LAMP_DOUBLE, AGENT_FAULT_REFUSED},
+    {"refused-gone", "0 lines 100 ready 200 S 300 s 400 refused 3000 end", 1, 0, AGENT_LAMP_SLOW,
+     0},
+    {"refused-pressed-again", "0 lines 100 ready 200 S 300 s 400 refused 3000 S 3100 s 4500 end", 2,
+     0, AGENT_LAMP_OFF, 0},
+    /* the link */
+    {"lost-before", "0 lines 100 ready 200 lost 300 S 400 ready 2000 end", 0, 0, AGENT_LAMP_OFF, 0},
+    {"lost-under-the-finger", "0 lines 100 ready 200 S 210 lost 220 ready 2000 end", 0, 0,
+     AGENT_LAMP_OFF, 0},
+    {"lost-then-fresh", "0 lines 100 ready 200 lost 300 ready 400 S 2000 end", 1, 0, AGENT_LAMP_OFF,
+     0},
+    {"lost", "0 lines 100 ready 200 lost 2000 end", 0, 0, AGENT_LAMP_DOUBLE, 0},
+    {"alarm", "0 lines 100 running 200 alarm 2000 end", 0, 0, AGENT_LAMP_DOUBLE, 0},
+    /* first sight */
+    {"pressed-at-power-up", "0 lines-start 100 ready 2000 end", 0, 0, AGENT_LAMP_DOUBLE,
+     AGENT_FAULT_PRESSED},
+    {"released-is-not-cleared", "0 lines-start 100 ready 200 s 5000 S 5100 s 9000 end", 0, 0,
+     AGENT_LAMP_DOUBLE, AGENT_FAULT_PRESSED},
+    {"cleared-too-early", "0 lines-start 100 ready 200 s 2199 H 2300 answered 2400 h 9000 end", 0,
+     1, AGENT_LAMP_DOUBLE, AGENT_FAULT_PRESSED},
+    {"cleared", "0 lines-start 100 ready 200 s 2200 H 2300 answered 2400 h 9000 end", 0, 1,
+     AGENT_LAMP_SLOW, 0},
+    {"cleared-and-started",
+     "0 lines-start 100 ready 200 s 2200 H 2300 answered 2400 h 3000 S 5000 end", 1, 1,
+     AGENT_LAMP_OFF, 0},
+    {"cleared-under-a-finger", "0 lines-start 100 ready 200 s 900 S 3000 H 3100 answered 5000 end",
+     0, 1, AGENT_LAMP_DOUBLE, AGENT_FAULT_PRESSED},
+    {"hold-at-power-up", "0 lines-hold 100 running 200 answered 310 holding 5000 end", 0, 2,
+     AGENT_LAMP_DOUBLE, AGENT_FAULT_PRESSED},
+    {"gone", "0 lines 100 ready 200 S 210 gone 2000 end", 0, 0, AGENT_LAMP_DOUBLE,
+     AGENT_FAULT_NO_LINES},
+    {"back-released", "0 lines 100 ready 200 gone 300 lines 400 S 2000 end", 1, 0, AGENT_LAMP_OFF,
+     0},
+    {"back-pressed", "0 lines 100 ready 200 gone 300 lines-start 400 s 2000 end", 0, 0,
+     AGENT_LAMP_DOUBLE, AGENT_FAULT_PRESSED},
+    {"gone-and-back-does-not-clear", "0 lines-start 100 ready 200 gone 300 lines 5000 end", 0, 0,
+     AGENT_LAMP_DOUBLE, AGENT_FAULT_PRESSED},
+    /* stuck */
+    {"stuck", "0 lines 100 ready 200 S 400 running 10200 end", 1, 0, AGENT_LAMP_DOUBLE,
+     AGENT_FAULT_STUCK},
+    {"not-stuck", "0 lines 100 ready 200 S 400 running 10199 end", 1, 0, AGENT_LAMP_STEADY, 0},
+    {"stuck-released", "0 lines 200 S 11000 s 12000 ready 12999 end", 0, 0, AGENT_LAMP_DOUBLE,
+     AGENT_FAULT_STUCK},
+    {"stuck-cleared", "0 lines 200 S 11000 s 12000 ready 13020 end", 0, 0, AGENT_LAMP_SLOW, 0},
+    /* hold */
+    {"hold", "0 lines 100 running 200 H 250 answered 260 holding 300 h 400 held 2000 end", 0, 1,
+     AGENT_LAMP_FAST, 0},
+    {"hold-bounces", "0 lines 100 running 200 H 203 h 206 H 300 h 310 H 330 h 2000 end", 0, 1,
+     AGENT_LAMP_STEADY, 0},
+    {"hold-insists",
+     "0 lines 100 running 200 H 210 h 250 answered 300 running 500 answered "
+     "650 answered 700 held 5000 end",
+     0, 3, AGENT_LAMP_FAST, 0},
+    {"hold-without-link",
+     "0 lines 100 running 150 lost 200 H 210 h 250 answered 500 answered "
+     "550 held 6000 end",
+     0, 2, AGENT_LAMP_FAST, 0},
+    {"hold-kept-down", "0 lines 100 running 200 H 250 held 260 answered 1000 running 2000 end", 0,
+     2, AGENT_LAMP_STEADY, 0},
+    {"hold-let-go", "0 lines 100 running 200 H 250 held 260 answered 300 h 1000 running 2000 end",
+     0, 1, AGENT_LAMP_STEADY, 0},
+    {"hold-pressed-twice",
+     "0 lines 100 running 200 H 210 h 300 H 350 held 400 answered "
+     "410 answered 2000 end",
+     0, 2, AGENT_LAMP_FAST, 0},
+    {"hold-overtakes-start",
+     "0 lines 100 ready 200 S 1300 H 1310 h 1350 answered 1500 answered "
+     "1510 running 1700 answered 1850 held 1860 answered 4000 end",
+     1, 4, AGENT_LAMP_FAST, 0},
+    {"hold-while-nothing-runs", "0 lines 100 idle 200 H 210 answered 300 h 2000 end", 0, 1,
+     AGENT_LAMP_OFF, 0},
+    /* both */
+    {"hold-then-start", "0 lines 100 ready 200 H 210 answered 300 S 2000 end", 0, 1, AGENT_LAMP_OFF,
+     0},
+    {"start-then-hold", "0 lines 100 ready 200 S 219 H 225 answered 2000 end", 0, 1, AGENT_LAMP_OFF,
+     0},
+    {"at-once", "0 lines 100 ready 200 H 200 S 225 answered 400 h 2000 end", 0, 1, AGENT_LAMP_OFF,
+     0},
+    {"hold-released-start-kept", "0 lines 100 ready 200 H 210 S 225 answered 300 h 2000 end", 0, 1,
+     AGENT_LAMP_OFF, 0},
+    {"hold-before-start", "0 lines 100 ready 200 H 225 answered 300 h 400 S 2000 end", 1, 1,
+     AGENT_LAMP_OFF, 0},
+};
+
+static void script(gconstpointer data)
+{
+    static const int64_t steps_us[] = {0, 1 * MS, 7 * MS, 333 * MS, 900 * MS};
+    const size_t i = GPOINTER_TO_SIZE(data);
+    for (size_t k = 0; k < G_N_ELEMENTS(steps_us); k++) {
+        Rig r = rig();
+        play(&r, scripts[i].script, steps_us[k]);
+        g_assert_cmpint(r.starts, ==, scripts[i].starts);
+        if (steps_us[k] == 0)
+            g_assert_cmpint(r.holds, ==, scripts[i].holds);
+        else
+            g_assert_cmpint(r.holds > 0, ==, scripts[i].holds > 0);
+        g_assert_cmpint((int)agent_panel_lamp(&r.panel), ==, (int)scripts[i].lamp);
+        g_assert_cmpint((int)agent_panel_fault(&r.panel), ==, (int)scripts[i].fault);
+    }
+}
+
+/* A press that nobody looked at for long starts nothing, and none that hold has overtaken. */
+static void late(void)
+{
+    Rig r = rig();
+    play(&r, "0 lines 100 ready 200 S 1220 end", INT64_MAX / 2);
+    g_assert_cmpint(r.starts, ==, 1);
+    r = rig();
+    play(&r, "0 lines 100 ready 200 S 1221 end", INT64_MAX / 2);
+    g_assert_cmpint(r.starts, ==, 0);
+    g_assert_cmpint(r.ignored, ==, 1);
+    r = rig();
+    play(&r, "0 lines 100 ready 200 S 300 H 400 end", INT64_MAX / 2);
+    g_assert_cmpint(r.starts, ==, 0);
+    g_assert_cmpint(r.holds, ==, 1);
+    g_assert_cmpint(r.ignored, ==, 1);
+}
+
+static void at_its_time(void)
+{
+    Rig r = rig();
+    play(&r, "0 lines 100 ready 200 S 300 end", 0);
+    g_assert_cmpint(r.start_us, ==, 220 * MS);
+    play(&r, "300 running 400 H 500 end", 0);
+    g_assert_cmpint(r.hold_us, ==, 400 * MS);
+}
+
+/* Edges are read in bursts: their own times count. */
+static void burst(void)
+{
+    Rig r = rig();
+    play(&r, "0 lines 100 ready 150 end", 0);
+    static const int at_ms[] = {200, 203, 207, 260, 263};
+    for (size_t i = 0; i < G_N_ELEMENTS(at_ms); i++)
+        tell(&r,
+             &(AgentPanelEvent){
+                 .kind = AGENT_PANEL_EDGE, .at_us = at_ms[i] * MS, .pressed = {i % 2 == 0, false}},
+             300 * MS);
+    g_assert_cmpint(r.starts, ==, 1);
+}
+
+/* ----------------------------------------------------------------------- bounce */
+
+/* A train of `n` edges, closer than the debounce time, that ends with `pressed`. Where n is of the
+ * wrong parity one edge is lost, as a kernel's queue may lose it. Returns the time of the last. */
+static int64_t train(Rig *r, GRand *random, int n, bool pressed, int64_t at_us)
+{
+    const bool odd = n % 2 == 1;
+    const int lost = odd || n < 2 ? -1 : g_rand_int_range(random, 1, n);
+    bool level = pressed;
+    for (int i = 0; i < n; i++) {
+        at_us += i > 0 ? g_rand_int_range(random, 1, DEBOUNCE) : 0;
+        if (i > 0 && i != lost)
+            level = !level;
+        pass(r, at_us, 0);
+        tell(
+            r,
+            &(AgentPanelEvent){.kind = AGENT_PANEL_EDGE, .at_us = at_us, .pressed = {level, false}},
+            at_us);
+    }
+    g_assert_true(level == pressed);
+    return at_us;
+}
+
+static void bounce(void)
+{
+    const guint32 seed = (guint32)g_test_rand_int();
+    g_test_message("seed %u", seed);
+    g_autoptr(GRand) random = g_rand_new_with_seed(seed);
+    const FbStatus running = status_of(FB_STATE_RUNNING, 1, false);
+    int trains = 0;
+    for (int n = 1; n <= 50; n++)
+        for (int k = 0; k < 100; k++) {
+            Rig r = rig();
+            play(&r, "0 lines 100 ready 200 end", 0);
+            int64_t at_us = train(&r, random, n, true, 200 * MS);
+            g_assert_cmpint(r.starts, ==, 0);
+            pass(&r, at_us + DEBOUNCE + 1, 0);
+            g_assert_cmpint(r.starts, ==, 1);
+            if (k % 2)
+                tell(&r, &(AgentPanelEvent){.kind = AGENT_PANEL_STATUS, .status = &running},
+                     at_us + DEBOUNCE + 1);
+            at_us = train(&r, random, n, false, at_us + 2 * DEBOUNCE);
+            pass(&r, at_us + 3000 * MS, 0);
+            g_assert_cmpint(r.starts, ==, 1);
+            trains += 2;
+        }
+    g_test_message("%d trains", trains);
+}
+
+/* One that never gets quiet as pressed starts nothing. */
+static void touches(void)
+{
+    g_autoptr(GRand) random = g_rand_new_with_seed(20);
+    for (int n = 2; n <= 50; n += 2)
+        for (int k = 0; k < 100; k++) {
+            Rig r = rig();
+            int64_t at_us = 200 * MS;
+            play(&r, "0 lines 100 ready 200 end", 0);
+            for (int i = 0; i < n; i++) {
+                tell(&r,
+                     &(AgentPanelEvent){
+                         .kind = AGENT_PANEL_EDGE, .at_us = at_us, .pressed = {i % 2 == 0, false}},
+                     at_us);
+                at_us += g_rand_int_range(random, 1, DEBOUNCE);
+            }
+            pass(&r, at_us + 3000 * MS, 0);
+            g_assert_cmpint(r.starts, ==, 0);
+            g_assert_cmpint((int)agent_panel_lamp(&r.panel), ==, AGENT_LAMP_SLOW);
+        }
+}
+
+/* ------------------------------------------------------------------ enumeration */
+
+typedef enum {
+    PRESS,
+    RELEASE,
+    PRESS_HOLD,
+    RELEASE_HOLD,
+    READY,
+    RUNNING,
+    LOST,
+    ENDED,
+    ANSWERED,
+    SHORT,
+    LONG,
+    N_LETTERS
+} Letter;
+
+enum { DEPTH = 7 };
+
+/* What came in, as the rules speak of it. */
+typedef struct {
+    bool start, hold; /* down */
+    bool ready, run;
+    int64_t edge_us;  /* of start, */
+    int64_t hold_us;  /* of hold */
+    int64_t quiet_us; /* both up, READY, no run of ours: since; INT64_MAX: not so */
+    bool armed;       /* it has been so for the debounce time; READY and without hold since */
+    bool chance;      /* and then start went down */
+    bool presses;     /* hold goes down now, from where it has been up for a while, */
+    bool held;        /* or ever went down */
+    bool on_its_way;  /* a HOLD without an answer */
+} Watch;
+
+typedef struct {
+    FbStatus ready, running, lost;
+    int path[DEPTH];
+    uint64_t sequences, starts, holds, wrong;
+} Search;
+
+/* Before the letter is taken: whether time alone has made a start of it. */
+static bool is_due(const Watch *w, int64_t now_us)
+{
+    return w->chance && w->start && now_us - w->edge_us >= DEBOUNCE;
+}
+
+static void watch(Watch *w, Letter letter, int64_t now_us)
+{
+    w->armed |= w->quiet_us <= now_us - DEBOUNCE;
+    switch (letter) {
+    case PRESS:
+    case RELEASE:
+        w->start = letter == PRESS;
+        w->edge_us = now_us;
+        break;
+    case PRESS_HOLD:
+    case RELEASE_HOLD:
+        w->presses = letter == PRESS_HOLD && !w->hold && now_us - w->hold_us >= DEBOUNCE;
+        w->hold = letter == PRESS_HOLD;
+        w->held |= w->hold;
+        if (w->held)
+            w->hold_us = now_us;
+        break;
+    case READY:
+    case RUNNING:
+    case LOST:
+        w->ready = letter == READY;
+        break;
+    case ENDED:
+        w->run = false;
+        break;
+    default:
+        break;
+    }
+    w->armed = w->armed && w->ready && !w->hold;
+    w->chance = w->armed && (w->chance || letter == PRESS);
+    const bool quiet = !w->start && !w->hold && w->ready && !w->run;
+    const bool again = letter == RELEASE || letter == RELEASE_HOLD || letter == ENDED;
+    if (!quiet)
+        w->quiet_us = INT64_MAX;
+    else if (w->quiet_us == INT64_MAX || again)
+        w->quiet_us = now_us;
+}
+
+static AgentPanelEvent event_of(const Search *s, Letter letter, int64_t now_us)
+{
+    switch (letter) {
+    case PRESS:
+    case RELEASE:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_EDGE,
+                                 .at_us = now_us,
+                                 .key = AGENT_KEY_START,
+                                 .pressed = {letter == PRESS, false}};
+    case PRESS_HOLD:
+    case RELEASE_HOLD:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_EDGE,
+                                 .at_us = now_us,
+                                 .key = AGENT_KEY_HOLD,
+                                 .pressed = {false, letter == PRESS_HOLD}};
+    case READY:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_STATUS, .status = &s->ready};
+    case RUNNING:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_STATUS, .status = &s->running};
+    case LOST:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_STATUS, .status = &s->lost};
+    case ENDED:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_RUN_ENDED};
+    case ANSWERED:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_HOLD_ANSWERED};
+    default:
+        return (AgentPanelEvent){.kind = AGENT_PANEL_TICK};
+    }
+}
+
+static void complain(Search *s, int depth, const char *what)
+{
+    if (s->wrong++ > 10)
+        return;
+    g_autoptr(GString) text = g_string_new(what);
+    for (int i = 0; i <= depth; i++)
+        g_string_append_printf(text, " %d", s->path[i]);
+    g_test_message("%s", text->str);
+}
+
+/* Hold may always go before start, so where it was pressed a start may be less, never more. */
+static void judge(Search *s, int depth, Watch *w, bool due, const AgentPanelActions *out)
+{
+    const Letter letter = (Letter)s->path[depth];
+    if (out->start && !due)
+        complain(s, depth, "a start that is none:");
+    if (due && !out->start && !w->held)
+        complain(s, depth, "no start:");
+    if (out->start && letter == PRESS_HOLD)
+        complain(s, depth, "start with hold:");
+    if (letter == PRESS_HOLD && w->presses && !out->hold && !w->on_its_way)
+        complain(s, depth, "no hold:");
+    if (out->hold && !w->held)
+        complain(s, depth, "a hold without a press:");
+    w->run |= out->start;
+    if (out->start)
+        w->quiet_us = INT64_MAX;
+    w->on_its_way |= out->hold;
+    s->starts += out->start;
+    s->holds += out->hold;
+}
+
+static void search(Search *s, int depth, const AgentPanel *panel, const Watch *before,
+                   int64_t now_us)
+{
+    if (depth == DEPTH) {
+        s->sequences++;
+        return;
+    }
+    for (int letter = 0; letter < N_LETTERS; letter++) {
+        const int64_t at_us = now_us + (letter == SHORT ? 10 : letter == LONG ? 30 : 3) * MS;
+        const AgentPanelEvent event = event_of(s, (Letter)letter, at_us);
+        AgentPanel p = *panel;
+        Watch w = *before;
+        AgentPanelActions out;
+        s->path[depth] = letter;
+        const bool due = is_due(&w, at_us);
+        if (due)
+            w.armed = w.chance = false; /* what comes now is another press */
+        if (letter == ANSWERED)
+            w.on_its_way = false;
+        watch(&w, (Letter)letter, at_us);
+        agent_panel_step(&p, &event, at_us, &out);
+        judge(s, depth, &w, due, &out);
+        search(s, depth + 1, &p, &w, at_us);
+    }
+}
+
+static void enumeration(void)
+{
+    static const AgentPanelEvent lines = {.kind = AGENT_PANEL_LINES};
+    Search s = {.ready = status_of(FB_STATE_READY, 1, false),
+                .running = status_of(FB_STATE_RUNNING, 1, false),
+                .lost = status_of(FB_STATE_UNKNOWN, 1, false)};
+    AgentPanel panel = agent_panel_new(DEBOUNCE, 0);
+    AgentPanelActions out;
+    agent_panel_step(&panel, &lines, 0, &out);
+    search(&s, 0, &panel, &(Watch){.quiet_us = INT64_MAX, .hold_us = -DEBOUNCE}, 0);
+    g_test_message("%" G_GUINT64_FORMAT " sequences of %d events: %" G_GUINT64_FORMAT
+                   " starts, %" G_GUINT64_FORMAT " holds",
+                   s.sequences, DEPTH, s.starts, s.holds);
+    g_assert_cmpuint(s.wrong, ==, 0);
+    g_assert_cmpuint(s.starts, >, 1000);
+    g_assert_cmpuint(s.holds, >, 1000);
+}
+
+/* After a button was pressed at first sight: every sequence, and a start only behind a press of
+ * hold that came when start had been up for the stated time. */
+static void search_fault(int depth, Search *s, const AgentPanel *panel, bool up, bool cleared,
+                         int64_t up_us, int64_t now_us)
+{
+    static const Letter letters[] = {PRESS, RELEASE, PRESS_HOLD, RELEASE_HOLD, ANSWERED,
+                                     READY, LOST,    SHORT,      LONG};
+    if (depth == DEPTH) {
+        s->sequences++;
+        return;
+    }
+    for (size_t i = 0; i < G_N_ELEMENTS(letters); i++) {
+        const Letter letter = letters[i];
+        const int64_t at_us = now_us + (letter == LONG ? 800 : 25) * MS;
+        const AgentPanelEvent event = event_of(s, letter, at_us);
+        AgentPanel p = *panel;
+        AgentPanelActions out;
+        s->path[depth] = (int)letter;
+        agent_panel_step(&p, &event, at_us, &out);
+        const bool now_cleared =
+            cleared || (letter == PRESS_HOLD && up && at_us - up_us >= AGENT_PANEL_CLEAR_US);
+        if (out.start && !cleared)
+            complain(s, depth, "a start in spite of the fault:");
+        s->starts += out.start;
+        search_fault(depth + 1, s, &p, letter == RELEASE || (up && letter != PRESS), now_cleared,
+                     letter == RELEASE ? at_us : up_us, at_us);
+    }
+}
+
+static void fault_enumeration(void)
+{
+    static const AgentPanelEvent lines = {.kind = AGENT_PANEL_LINES, .pressed = {true, false}};
+    static const char *const before[] = {"", "25 s 2000 ready 2024 end", "25 s 2000 ready 2100 end",
+                                         "25 s 2000 ready 2100 H 2130 answered 2160 h"};
+    for (size_t i = 0; i < G_N_ELEMENTS(before); i++) {
+        Search s = {.ready = status_of(FB_STATE_READY, 1, false),
+                    .lost = status_of(FB_STATE_UNKNOWN, 1, false)};
+        Rig r = rig();
+        tell(&r, &lines, 0);
+        play(&r, before[i], 0);
+        const bool up = r.now_us > 0;
+        search_fault(0, &s, &r.panel, up, i == 3, 25 * MS, r.now_us);
+        g_test_message("%" G_GUINT64_FORMAT " sequences: %" G_GUINT64_FORMAT " starts", s.sequences,
+                       s.starts);
+        g_assert_cmpuint(s.wrong, ==, 0);
+        if (i > 0)
+            g_assert_cmpuint(s.starts, >, 0);
+    }
+}
+
+/* ------------------------------------------------------------------------- lamp */
+
+static void lamp(void)
+{
+    static const struct {
+        AgentLamp lamp;
+        const char *lit; /* one letter each 125 ms of two seconds */
+    } cases[] = {
+        {AGENT_LAMP_OFF, "----------------"},    {AGENT_LAMP_STEADY, "################"},
+        {AGENT_LAMP_SLOW, "####----####----"},   {AGENT_LAMP_FAST, "#-#-#-#-#-#-#-#-"},
+        {AGENT_LAMP_DOUBLE, "#-#-------#-#---"},
+    };
+    G_STATIC_ASSERT(G_N_ELEMENTS(cases) == AGENT_N_LAMPS);
+    for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
+        const AgentLamp kind = cases[i].lamp;
+        int64_t until_us;
+        for (int64_t k = 0; k < 16; k++) {
+            const bool lit = agent_lamp_lit(kind, k * 125 * MS, &until_us);
+            g_assert_cmpint(lit, ==, cases[i].lit[k] == '#');
+            g_assert_cmpint(agent_lamp_lit(kind, k * 125 * MS + 124999, &until_us), ==, lit);
+        }
+        /* From change to change, and each is one. */
+        for (int64_t now_us = 0; now_us < 5000 * MS; now_us = until_us) {
+            const bool lit = agent_lamp_lit(kind, now_us, &until_us);
+            int64_t unused_us;
+            g_assert_cmpint(until_us, >, now_us);
+            if (until_us != INT64_MAX)
+                g_assert_cmpint(agent_lamp_lit(kind, until_us, &unused_us), ==, !lit);
+        }
+    }
+}
+
+/* The lamp of every state, and never that of a program to start where there is none. */
+static void lamp_of_state(void)
+{
+    static const AgentLamp expected[FB_N_STATES] = {
+        [FB_STATE_RUNNING] = AGENT_LAMP_STEADY,     [FB_STATE_HOLDING] = AGENT_LAMP_FAST,
+        [FB_STATE_HELD] = AGENT_LAMP_FAST,          [FB_STATE_PROGRAM_STOP] = AGENT_LAMP_FAST,
+        [FB_STATE_TOOL_CHANGE] = AGENT_LAMP_STEADY, [FB_STATE_ABORTING] = AGENT_LAMP_STEADY,
+        [FB_STATE_READY] = AGENT_LAMP_SLOW,         [FB_STATE_ALARM] = AGENT_LAMP_DOUBLE,
+        [FB_STATE_ESTOP] = AGENT_LAMP_DOUBLE,       [FB_STATE_UNKNOWN] = AGENT_LAMP_DOUBLE,
+    };
+    for (FbState state = 0; state < FB_N_STATES; state++) {
+        Rig r = rig();
+        const FbStatus status = status_of(state, 1, false);
+        play(&r, "0 lines", 0);
+        tell(&r, &(AgentPanelEvent){.kind = AGENT_PANEL_STATUS, .status = &status}, 100 * MS);
+        pass(&r, 1000 * MS, 0);
+        g_test_message("%s", fb_state_name(state));
+        g_assert_cmpint((int)agent_panel_lamp(&r.panel), ==, (int)expected[state]);
+    }
+}
+
+static void add(void)
+{
+    for (size_t i = 0; i < G_N_ELEMENTS(scripts); i++) {
+        g_autofree char *name = g_strdup_printf("/agent/panel/%s", scripts[i].name);
+        g_test_add_data_func(name, GSIZE_TO_POINTER(i), script);
+    }
+    g_test_add_func("/agent/panel/late", late);
+    g_test_add_func("/agent/panel/at-its-time", at_its_time);
+    g_test_add_func("/agent/panel/burst", burst);
+    g_test_add_func("/agent/panel/bounce", bounce);
+    g_test_add_func("/agent/panel/touches", touches);
+    g_test_add_func("/agent/panel/every-sequence", enumeration);
+    g_test_add_func("/agent/panel/every-sequence-after-a-fault", fault_enumeration);
+    g_test_add_func("/agent/panel/lamp", lamp);
+    g_test_add_func("/agent/panel/lamp-of-state", lamp_of_state);
+}
+
+int main(int argc, char **argv)
+{
+    return test_main(argc, argv, add);
+}
