@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 # The test targets; included by the Makefile. Every tests/unit/ROOM_*.c and tests/fuzz/*.c is one
 # TAP program, every tests/e2e/*.sh one TAP script; prove runs them. tests/ci/*.sh are TAP scripts
-# that take long or need packages unpacked: check-ci only.
+# that take long or need packages unpacked: check-ci only. tests/kernel/t/*.sh are TAP scripts that
+# need CAN and GPIO (docs/testing.md).
 
 UNIT      = $(patsubst tests/unit/%.c,$(BUILD)/tests/%,$(sort $(wildcard tests/unit/*.c)))
 BENCH     = $(patsubst tests/bench/%.c,$(BUILD)/bench/%,$(sort $(wildcard tests/bench/*.c)))
@@ -19,9 +20,15 @@ check: all  ## every quick test: under 15 minutes on two cores
 	$(Q)$(SUBMAKE) style tests-built
 	$(Q)$(PROVE) -j2 -e '' $(UNIT) $(FUZZ)
 	$(Q)$(PROVE) -j2 -e bash tests/e2e/*.sh
+	$(Q)if tests/kernel/run.sh --on-host || tests/kernel/build.sh --built >/dev/null; then \
+	    $(SUBMAKE) check-kernel; \
+	else \
+	    echo "not run, for want of CAN and GPIO: make check-kernel (builds a kernel, once)"; \
+	fi
 
 .PHONY: check-ci
-check-ci: check-asan check-clang check-mutants check-judges  ## the longer proofs: under 45 minutes
+check-ci: check-asan check-clang check-mutants check-judges check-kernel  ## the longer proofs: under 45 minutes
+check-ci: export KERNEL_USE = uml
 
 # Open CASCADE's own leaks are suppressed by library; nothing of ours is.
 .PHONY: check-asan
@@ -49,6 +56,14 @@ check-judges: all
 	$(Q)$(SUBMAKE) tests-built
 	$(Q)SEGMILL_JUDGE_EVERY=1 $(PROVE) -e '' $(BUILD)/tests/segcore_judge
 	$(Q)$(PROVE) -e bash tests/ci/*.sh
+
+# One after another: they share one processor inside.
+.PHONY: check-kernel
+check-kernel: all  ## CAN and GPIO: on this host if it has both, else in a kernel of their own
+	$(Q)$(SUBMAKE) $(BUILD)/kernel/poweroff
+	$(Q)tests/kernel/run.sh --on-host || tests/kernel/build.sh >/dev/null
+	$(Q)$(PROVE) -e bash tests/kernel/outside.sh
+	$(Q)$(PROVE) -e 'bash tests/kernel/run.sh' tests/kernel/t/*.sh
 
 .PHONY: soak
 soak: all  ## hours of the same: ten thousand damaged files, long fuzzing
@@ -96,6 +111,12 @@ $(BUILD)/tests/%: $(BUILD)/tests/unit/%.o $(TEST_LIB) $(LIBS)
 $(BUILD)/bench/%: $(BUILD)/tests/bench/%.o $(TEST_LIB) $(LIBS)
 	$(call say,LD,$@)
 	$(LINK)
+
+# The last program in the kernel for the tests, where sanitizers cannot run.
+$(BUILD)/tests/kernel/%.o: override SAN =
+$(BUILD)/kernel/%: $(BUILD)/tests/kernel/%.o
+	$(call say,LD,$@)
+	$(Q)mkdir -p $(@D) && $(CC) -o $@ $^
 
 # A fuzz target is one LLVMFuzzerTestOneInput. By default its main is a driver that runs the corpus
 # and seeded mutations of it as TAP; check-clang puts libFuzzer's in that place.
