@@ -4,10 +4,17 @@
 #include <string.h>
 
 #define AT(field) offsetof(CfgAgent, field)
+#define PANEL(field) offsetof(CfgAgent, panel.field)
 #define MACHINE(field) offsetof(CfgTarget, field)
 
 static const CfgChoice drips[] = {
     {"auto", CFG_DRIP_AUTO}, {"never", CFG_DRIP_NEVER}, {"always", CFG_DRIP_ALWAYS}, {NULL, 0}};
+
+static const CfgChoice biases[] = {{"as-is", CFG_BIAS_AS_IS},
+                                   {"disabled", CFG_BIAS_DISABLED},
+                                   {"pull-up", CFG_BIAS_PULL_UP},
+                                   {"pull-down", CFG_BIAS_PULL_DOWN},
+                                   {NULL, 0}};
 
 static const CfgKey keys[] = {
     {"link", "reply_timeout_s", CFG_REAL, "s", "1", 0.01, 60, AT(reply_timeout_s),
@@ -25,6 +32,20 @@ static const CfgKey keys[] = {
      .help = "Feed a program while it runs: only where it is larger than the machine's memory, "
              "never, or always.",
      .choices = drips},
+    {"panel", "chip", CFG_STRING, "", "", 0, 0, PANEL(chip),
+     .help = "The operator's panel: its GPIO chip by name, label or path; empty: there is none. "
+             "Lines are given by name or by offset."},
+    {"panel", "start", CFG_STRING, "", "", 0, 0, PANEL(start), .help = "Line of the start button."},
+    {"panel", "hold", CFG_STRING, "", "", 0, 0, PANEL(hold), .help = "Line of the hold button."},
+    {"panel", "lamp", CFG_STRING, "", "", 0, 0, PANEL(lamp), .help = "Line of the lamp."},
+    {"panel", "active_low", CFG_BOOL, "", "false", 0, 0, PANEL(active_low),
+     .help = "A pressed button pulls its line low."},
+    {"panel", "lamp_active_low", CFG_BOOL, "", "false", 0, 0, PANEL(lamp_active_low),
+     .help = "The lamp is lit by a low line."},
+    {"panel", "bias", CFG_CHOICE, "", "as-is", 0, 0, PANEL(bias),
+     .help = "The chip's own resistors at the buttons.", .choices = biases},
+    {"panel", "debounce_ms", CFG_INT, "ms", "20", 1, 500, PANEL(debounce_ms),
+     .help = "A start button is believed when its line has not changed for this long."},
     {"machine.*", "address", CFG_STRING, "", "modbus://127.0.0.1:1502", 0, 0, MACHINE(address),
      .help = "Where the machine listens: modbus://host:port, mbaps://host:port with TLS, or "
              "can://interface."},
@@ -54,8 +75,8 @@ static const CfgKey keys[] = {
 
 static const CfgSchema schema = {
     .what = "agent",
-    .help = "The agent's machines, each by the name that --to takes, and its timers. A commented "
-            "key shows its default.",
+    .help = "The agent's machines, each by the name that --to takes, its timers and its panel. A "
+            "commented key shows its default.",
     .keys = keys,
     .n_keys = G_N_ELEMENTS(keys),
     .size = sizeof(CfgAgent),
@@ -75,10 +96,22 @@ static bool is_address(const char *text)
     return false;
 }
 
+/* A panel is whole or not there. */
+static bool check_panel(const CfgIni *ini, const CfgPanel *panel, GError **error)
+{
+    const char *const lines[][2] = {
+        {"start", panel->start}, {"hold", panel->hold}, {"lamp", panel->lamp}};
+    for (size_t i = 0; panel->chip && i < G_N_ELEMENTS(lines); i++)
+        if (!lines[i][1])
+            return cfg_refuse(ini, "panel", lines[i][0], error,
+                              "missing; chip = %s wants start, hold and lamp", panel->chip);
+    return true;
+}
+
 static CfgAgent *read_agent(const CfgIni *ini, GError **error)
 {
     g_autoptr(CfgAgent) agent = cfg_schema_read(&schema, ini, error);
-    if (!agent)
+    if (!agent || !check_panel(ini, &agent->panel, error))
         return NULL;
     for (size_t i = 0; i < agent->n_machines; i++) {
         g_autofree char *group = g_strconcat("machine.", agent->machines[i].name, NULL);

@@ -222,6 +222,17 @@ typedef struct {
 /* Feeding a program while it runs, because the machine's memory cannot hold it. */
 typedef enum { CFG_DRIP_AUTO, CFG_DRIP_NEVER, CFG_DRIP_ALWAYS } CfgDrip;
 
+typedef enum { CFG_BIAS_AS_IS, CFG_BIAS_DISABLED, CFG_BIAS_PULL_UP, CFG_BIAS_PULL_DOWN } CfgBias;
+
+/* The operator's panel; each line by its name, or by its offset in digits. */
+typedef struct {
+    char *chip; /* name, label or path; NULL: no panel */
+    char *start, *hold, *lamp;
+    bool active_low, lamp_active_low;
+    CfgBias bias; /* of the buttons */
+    int debounce_ms;
+} CfgPanel;
+
 typedef struct {
     CfgTarget *machines;
     size_t n_machines;
@@ -231,6 +242,7 @@ typedef struct {
     double heartbeat_s;
     int window; /* requests in flight, 1 … 16 */
     CfgDrip drip;
+    CfgPanel panel;
 } CfgAgent;
 
 CfgAgent *cfg_agent_load(const char *path, GError **error);

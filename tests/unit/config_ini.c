@@ -100,6 +100,8 @@ static const Case cases[] = {
      CFG_ERROR_VALUE},
     {"agent", "[machine.mill]\ncan_first = 5\n",
      ":2: [machine.mill] can_first: 5 is above can_last = 3", CFG_ERROR_VALUE},
+    {"agent", "[panel]\nchip = gpiochip0\nstart = 3\n",
+     ":1: [panel] hold: missing; chip = gpiochip0 wants start, hold and lamp", CFG_ERROR_VALUE},
 };
 
 static void messages(void)
