@@ -27,10 +27,14 @@ void fb_delivery_step(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAct
     *out = (FbActions){0};
     switch (event->kind) {
     case FB_EVENT_CONNECTED:
-        d->link = LINK_UP;
+        if (d->link == LINK_CONNECTING)
+            d->link = LINK_UP;
         break;
     case FB_EVENT_REPLY:
         take_reply(d, event, now_us, out);
+        break;
+    case FB_EVENT_NEWS:
+        d->poll_us = d->again_us = now_us;
         break;
     case FB_EVENT_BROKEN:
         break_link(d, event->why, now_us, out);
@@ -200,6 +204,8 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
             count_damage(d, s->received > d->received);
         d->received = MAX(d->received, s->received);
         d->go_back |= s->chunk_answer != FB_ANSWER_DONE;
+        /* An ACK does not say what has become of the run, or of the lease. */
+        d->must_look |= s->chunk_answer != FB_ANSWER_DONE && event->n == FB_ACK_BYTES;
         fb_task_judge_chunk(d);
     }
     d->go_back &= d->n_flights > 0;
@@ -284,10 +290,14 @@ void fb_delivery_send_chunk(FbDelivery *d, int64_t now_us, FbActions *out)
     send_request(d, FB_REQUEST_CHUNK, now_us, out);
 }
 
+/* Another epoch ends the task: it belongs to the one in which the machine was first looked at. */
 static void take_epoch(FbDelivery *d)
 {
-    if (d->epoch == d->status.epoch)
+    if (d->epoch == d->status.epoch) {
+        if (d->task_epoch == 0 && !d->must_look)
+            d->task_epoch = d->epoch;
         return;
+    }
     const bool running = fb_task_may_run(d);
     if (d->busy && d->task_epoch != 0 && !d->finishing)
         fb_task_finish(d, g_error_new(FB_ERROR, running ? FB_ERROR_LINK_LOST : FB_ERROR_REFUSED,
@@ -304,7 +314,8 @@ static void take_epoch(FbDelivery *d)
 /* Requests that may be in flight now. */
 static unsigned window(const FbDelivery *d)
 {
-    return MIN(d->options.window, MIN(d->status.window, d->status.window_max));
+    const unsigned granted = MIN(d->status.window, d->status.window_max);
+    return MIN(MIN(d->options.window, FB_WINDOW_MOST), granted);
 }
 
 static bool only_chunks(const FbDelivery *d)
@@ -377,6 +388,11 @@ const FbRequest *fb_delivery_farewell(FbDelivery *d)
     d->request.n = fb_wire_put_order(d->request.bytes, &d->order);
     d->request.kind = FB_REQUEST_COMMAND;
     return &d->request;
+}
+
+uint32_t fb_delivery_session(const FbDelivery *d)
+{
+    return d->options.session;
 }
 
 void fb_delivery_set_token(FbDelivery *d, uint64_t token)

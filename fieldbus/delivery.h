@@ -26,7 +26,13 @@ typedef struct {
     uint8_t bytes[FB_BLOCK_BYTES];
 } FbRequest;
 
-typedef enum { FB_EVENT_TICK, FB_EVENT_CONNECTED, FB_EVENT_REPLY, FB_EVENT_BROKEN } FbEventKind;
+typedef enum {
+    FB_EVENT_TICK,
+    FB_EVENT_CONNECTED,
+    FB_EVENT_REPLY,
+    FB_EVENT_NEWS, /* the machine says that its status is another one: read it now */
+    FB_EVENT_BROKEN
+} FbEventKind;
 
 typedef struct {
     FbEventKind kind;
@@ -62,6 +68,7 @@ FbDelivery *fb_delivery_new(const FbDeliveryOptions *options, int64_t now_us);
 void fb_delivery_free(FbDelivery *delivery);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbDelivery, fb_delivery_free)
 
+uint32_t fb_delivery_session(const FbDelivery *delivery);
 void fb_delivery_set_token(FbDelivery *delivery, uint64_t token);
 
 /* Tasks; one at a time. Step with TICK afterwards. */
