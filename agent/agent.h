@@ -17,6 +17,7 @@ typedef enum {
     AGENT_ERROR_INPUT,       /* a given file cannot be read */
     AGENT_ERROR_OUTPUT,      /* a result cannot be written */
     AGENT_ERROR_TARGET,      /* no machine of that name */
+    AGENT_ERROR_CAUTION,     /* blocked by the pre-flight */
 } AgentError;
 
 #define AGENT_ERROR agent_error_quark()
@@ -39,17 +40,25 @@ typedef enum {
 AgentExit agent_exit_of(const GError *error);
 const char *agent_domain_name(GQuark domain);
 
+typedef struct AgentCommand AgentCommand;
+
 typedef struct {
-    char *out;     /* -o */
-    char *method;  /* --method */
-    char **set;    /* --set, NULL-terminated; NULL: none */
-    char *to;      /* --to */
-    char *machine; /* --machine */
-    char *config;  /* --config */
+    const AgentCommand *command;
+    char *out;                                        /* -o */
+    char *method;                                     /* --method */
+    char **set;                                       /* --set, NULL-terminated; NULL: none */
+    char *to;                                         /* --to */
+    char *machine;                                    /* --machine */
+    char *config;                                     /* --config */
+    char *at;                                         /* --at */
+    int feed_percent, rapid_percent, spindle_percent; /* -1: not given */
     gboolean start;
+    gboolean yes;
+    gboolean accept_cautions;
+    gboolean no_follow;
     gboolean json;
     gboolean help;
-    char *argument; /* PART, RECIPE or PROGRAM */
+    char *argument; /* what the command names as its own: PART, RECIPE … */
 } AgentOptions;
 
 /* Which options a command takes, and which it cannot do without. */
@@ -61,9 +70,14 @@ enum {
     AGENT_TAKES_MACHINE = 1 << 4,
     AGENT_TAKES_CONFIG = 1 << 5,
     AGENT_TAKES_START = 1 << 6,
+    AGENT_TAKES_AT = 1 << 7,
+    AGENT_TAKES_YES = 1 << 8,
+    AGENT_TAKES_ACCEPT = 1 << 9,
+    AGENT_TAKES_PERCENT = 1 << 10, /* at least one of the three */
+    AGENT_TAKES_NO_FOLLOW = 1 << 11,
 };
 
-typedef struct {
+struct AgentCommand {
     const char *name;
     const char *argument; /* "PART"; NULL: none */
     const char *synopsis; /* what follows the name in the help */
@@ -74,10 +88,21 @@ typedef struct {
     /* Does the work. Writes the members of the --json object into `result`, and, unless
      * options->json, what people read to stdout. */
     bool (*run)(const AgentOptions *options, AgentJson *result, GError **error);
-} AgentCommand;
+};
 
 extern const AgentCommand agent_init, agent_segment, agent_plan, agent_estimate, agent_send,
-    agent_run, agent_hold, agent_resume, agent_abort, agent_status;
+    agent_run, agent_restart, agent_status;
+
+/* The commands that are one command to the machine. */
+typedef enum {
+    AGENT_HOLD,
+    AGENT_RESUME,
+    AGENT_ABORT,
+    AGENT_OVERRIDE,
+    AGENT_OPTIONAL_STOP,
+    AGENT_N_CONTROLS
+} AgentControl;
+extern const AgentCommand agent_controls[AGENT_N_CONTROLS];
 
 /* Reads the command line behind the command's name. Errors: AGENT_ERROR_USAGE. */
 bool agent_options_read(const AgentCommand *command, int argc, char **argv, AgentOptions *options,

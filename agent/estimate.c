@@ -29,12 +29,12 @@ static void print_text(const AgentProgram *program, double length_mm, double air
 
 static bool run(const AgentOptions *options, AgentJson *result, GError **error)
 {
-    g_autoptr(CfgMachine) machine = cfg_machine_load(options->machine, error);
-    g_autoptr(CfgToolTable) tools = machine ? cfg_tools_load(machine->tools_file, error) : NULL;
-    g_autoptr(GBytes) bytes = tools ? agent_program_load(options->argument, error) : NULL;
+    g_autoptr(AgentMachine) machine = agent_machine_load(options->machine, NULL, error);
+    g_autoptr(GBytes) bytes = machine ? agent_program_load(options->argument, error) : NULL;
     g_autoptr(AgentProgram) program = NULL;
     if (bytes)
-        program = agent_program_read(bytes, options->argument, machine, tools, error);
+        program =
+            agent_program_read(bytes, options->argument, machine->machine, machine->tools, error);
     if (!program)
         return false;
     g_autofree char *sha256 = g_compute_checksum_for_bytes(G_CHECKSUM_SHA256, bytes);

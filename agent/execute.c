@@ -8,6 +8,7 @@
 
 static void show_delivery(const FbStatus *status);
 static void show_run(AgentExecution *execution, const FbStatus *status);
+static void watch(AgentExecution *execution, const FbStatus *status);
 
 /* Asks for a hold or an abort; what the machine says to it is seen with the next status. */
 static void ask_stop(AgentExecution *execution, FbCommand stop)
@@ -43,6 +44,8 @@ static void on_status(const FbStatus *status, void *data)
     } else {
         show_delivery(status);
     }
+    if (execution->watching)
+        watch(execution, status);
 }
 
 static gboolean on_interrupt(void *data)
@@ -73,15 +76,25 @@ static gboolean on_interrupt(void *data)
     return G_SOURCE_CONTINUE;
 }
 
-static bool wait_for(AgentExecution *execution, FbTask task, GError **error)
+static GSource *catch_interrupts(AgentExecution *execution)
 {
-    AgentLink *link = execution->link;
     GSource *interrupt = g_unix_signal_source_new(SIGINT);
     g_source_set_callback(interrupt, on_interrupt, execution, NULL);
-    g_source_attach(interrupt, link->context);
-    bool ok = agent_link_wait(link, task, error);
-    g_source_destroy(interrupt);
-    g_source_unref(interrupt);
+    g_source_attach(interrupt, execution->link->context);
+    return interrupt;
+}
+
+static void end_source(GSource *source)
+{
+    g_source_destroy(source);
+    g_source_unref(source);
+}
+
+static bool wait_for(AgentExecution *execution, FbTask task, GError **error)
+{
+    GSource *interrupt = catch_interrupts(execution);
+    bool ok = agent_link_wait(execution->link, task, error);
+    end_source(interrupt);
     agent_progress_end();
     return ok;
 }
@@ -97,16 +110,75 @@ bool agent_execute_deliver(AgentExecution *execution, GBytes *program, const uin
     return wait_for(execution, FB_TASK_DELIVER, error);
 }
 
-bool agent_execute_start(AgentExecution *execution, GError **error)
+bool agent_execute_start(AgentExecution *execution, const FbStored *stored, GError **error)
 {
     AgentLink *link = execution->link;
+    link->status = on_status;
+    link->data = execution;
     if (execution->follow)
         agent_follow_arm(execution->follow, fb_session_status(link->session));
     execution->started = true;
     agent_progress_step("running");
-    fb_session_start(link->session);
+    if (stored)
+        fb_session_start_stored(link->session, stored);
+    else
+        fb_session_start(link->session);
     return wait_for(execution, FB_TASK_RUN, error);
 }
+
+/* ----------------------------------------------------------------------- watch */
+
+bool agent_execute_watch(AgentExecution *execution, GError **error)
+{
+    AgentLink *link = execution->link;
+    const FbStatus *status = fb_session_status(link->session);
+    execution->started = execution->watching = true;
+    execution->epoch = status->epoch;
+    execution->run = status->run;
+    link->status = on_status;
+    link->data = execution;
+    agent_progress_step("running");
+    on_status(status, execution);
+    GSource *interrupt = catch_interrupts(execution);
+    while (!execution->ended && !link->cancelled)
+        g_main_context_iteration(link->context, true);
+    end_source(interrupt);
+    g_clear_pointer(&execution->lost, end_source);
+    agent_progress_end();
+    link->status = NULL;
+    if (!execution->ended)
+        return agent_link_take_cause(link, error);
+    if (!execution->why)
+        return true;
+    g_propagate_error(error, g_steal_pointer(&execution->why));
+    return false;
+}
+
+static gboolean on_lost(void *data)
+{
+    AgentExecution *execution = data;
+    AgentLink *link = execution->link;
+    agent_link_cancel(link, g_error_new(FB_ERROR, FB_ERROR_LINK_LOST,
+                                        "%s: no answer for %g s; its state is UNKNOWN: look at the "
+                                        "machine",
+                                        link->target.address, link->agent->give_up_s));
+    return G_SOURCE_CONTINUE;
+}
+
+static void watch(AgentExecution *execution, const FbStatus *status)
+{
+    AgentLink *link = execution->link;
+    bool known = status->state != FB_STATE_UNKNOWN;
+    if (known)
+        g_clear_pointer(&execution->lost, end_source);
+    else if (!execution->lost)
+        execution->lost = agent_link_timer(link, link->agent->give_up_s, on_lost, execution);
+    if (!execution->ended)
+        execution->ended =
+            agent_run_ended(status, execution->epoch, execution->run, &execution->why);
+}
+
+/* ------------------------------------------------------------------------ show */
 
 static void show_delivery(const FbStatus *status)
 {

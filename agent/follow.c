@@ -18,16 +18,20 @@ void agent_follow_init(AgentFollow *follow, const AgentProgram *program)
     *follow = (AgentFollow){
         .program = program,
         .region_s = g_new0(double, program->n_regions + 1),
+        .planned_region_s = g_new0(double, program->n_regions + 1),
         .states = g_array_new(false, false, sizeof(AgentFollowState)),
         .holds = g_array_new(false, false, sizeof(AgentFollowHold)),
         .alarms = g_array_new(false, false, sizeof(AgentFollowAlarm)),
     };
     g_array_set_clear_func(follow->alarms, clear_alarm);
+    for (size_t i = 0; i < program->n_regions; i++)
+        follow->planned_region_s[i] = program->regions[i].planned_s;
 }
 
 void agent_follow_clear(AgentFollow *follow)
 {
     g_free(follow->region_s);
+    g_free(follow->planned_region_s);
     g_array_unref(follow->states);
     g_array_unref(follow->holds);
     g_array_unref(follow->alarms);
@@ -51,10 +55,68 @@ void agent_follow_step(AgentFollow *follow, const FbStatus *status, double at_s)
     follow_state(follow, status, at_s);
 }
 
+void agent_follow_begin(AgentFollow *follow, uint32_t line)
+{
+    const AgentProgram *program = follow->program;
+    size_t first = agent_program_line(program, line);
+    /* A line that does not move begins with the next one that does. */
+    if (first == program->n_lines)
+        first = 0;
+    else if (program->lines[first].line < line && first + 1 < program->n_lines)
+        first++;
+    follow->line = line;
+    if (program->n_lines == 0)
+        return;
+    follow->begin_s = follow->planned_s = program->lines[first].start_s;
+    for (size_t i = 0; i < first; i++)
+        follow->planned_region_s[program->lines[i].region] -=
+            program->lines[i + 1].start_s - program->lines[i].start_s;
+    for (size_t i = 0; i < program->n_regions; i++)
+        follow->planned_region_s[i] = fmax(0, follow->planned_region_s[i]);
+}
+
+void agent_follow_join(AgentFollow *follow, const FbStatus *status)
+{
+    agent_follow_arm(follow, status);
+    follow->run_before = status->run - 1;
+    follow->time_before_s = status->program_time_ms * 1e-3;
+    agent_follow_begin(follow, status->line);
+}
+
+double agent_follow_planned_s(const AgentFollow *follow)
+{
+    return follow->program->total_s - follow->begin_s;
+}
+
 double agent_follow_share(const AgentFollow *follow)
 {
-    double total = follow->program->total_s;
-    return total > 0 ? fmin(1, follow->planned_s / total) : 0;
+    double total = agent_follow_planned_s(follow);
+    return total > 0 ? fmin(1, (follow->planned_s - follow->begin_s) / total) : 0;
+}
+
+bool agent_run_ended(const FbStatus *status, uint32_t epoch, uint32_t run, GError **why)
+{
+    if (status->state == FB_STATE_UNKNOWN)
+        return false;
+    if (status->epoch != epoch) {
+        g_set_error_literal(why, FB_ERROR, FB_ERROR_LINK_LOST,
+                            "the machine was restarted: what it did last is not known");
+        return true;
+    }
+    if (status->run != run) {
+        g_set_error(why, FB_ERROR, FB_ERROR_PROTOCOL,
+                    "the machine was started by somebody else (run %u, this was %u)", status->run,
+                    run);
+        return true;
+    }
+    if (status->run_end == FB_RUN_ABORTED)
+        g_set_error(why, FB_ERROR, FB_ERROR_ABORTED, "aborted in line %u", status->stop_line);
+    if (status->run_end == FB_RUN_ALARM)
+        g_set_error(why, FB_ERROR, FB_ERROR_ALARM, "alarm %u in line %u: %s. %s",
+                    status->alarm_code, status->stop_line,
+                    status->alarm_code ? status->alarm_text : "acknowledged meanwhile",
+                    status->alarm_advice);
+    return status->run_end != FB_RUN_NONE;
 }
 
 /* ---------------------------------------------------------------------- states */
@@ -126,7 +188,7 @@ static void share_out(AgentFollow *follow, size_t first, double from_s, double t
 static void follow_run(AgentFollow *follow, const FbStatus *status)
 {
     const AgentProgram *program = follow->program;
-    double elapsed_s = status->program_time_ms * 1e-3 - follow->actual_s;
+    double elapsed_s = status->program_time_ms * 1e-3 - follow->time_before_s - follow->actual_s;
     size_t from = agent_program_line(program, follow->line);
     bool complete = status->run_end == FB_RUN_COMPLETE;
     uint32_t line = MAX(status->line, follow->line);
@@ -143,4 +205,7 @@ static void follow_run(AgentFollow *follow, const FbStatus *status)
     follow->planned_s = MAX(follow->planned_s, planned_s);
     follow->line = line;
     follow->blocks = status->executed_blocks - follow->blocks_before;
+    follow->drip = status->drip;
+    follow->starved = status->starved;
+    follow->starved_s = status->starved_ms * 1e-3;
 }

@@ -32,10 +32,15 @@ typedef struct {
 
 typedef struct {
     const AgentProgram *program;
-    double *region_s; /* actual, one a region of the program */
-    double actual_s;  /* machine time of the run */
-    double planned_s; /* where the program plans the line in execution to begin */
-    uint64_t blocks;  /* executed in this run */
+    double *region_s;         /* actual, one a region of the program */
+    double *planned_region_s; /* planned, of what this record covers */
+    double begin_s;           /* planned time where it begins: 0, or that of a gate or line */
+    double actual_s;          /* machine time of the run, of what this record covers */
+    double planned_s;         /* where the program plans the line in execution to begin */
+    bool drip;                /* the program came while it ran: waited for bytes, */
+    uint32_t starved;         /* so often */
+    double starved_s;         /* and so long */
+    uint64_t blocks;          /* executed in this run */
     uint32_t line;
     GArray *states, *holds, *alarms; /* AgentFollowState, …Hold, …Alarm */
     /* what the next status is compared with */
@@ -43,6 +48,7 @@ typedef struct {
     bool armed;
     uint32_t epoch, run_before;
     uint64_t blocks_before;
+    double time_before_s;
     uint16_t alarm_serial;
 } AgentFollow;
 
@@ -53,8 +59,21 @@ void agent_follow_clear(AgentFollow *follow);
 /* START is about to be sent: what `status` counts was before this run. */
 void agent_follow_arm(AgentFollow *follow, const FbStatus *status);
 
+/* The run begins at `line`, behind a gate. Before the first status of the run. */
+void agent_follow_begin(AgentFollow *follow, uint32_t line);
+
+/* The run of `status` is on already, and is recorded from here. */
+void agent_follow_join(AgentFollow *follow, const FbStatus *status);
+
 /* A fresh status, `at_s` after the record began. */
 void agent_follow_step(AgentFollow *follow, const FbStatus *status, double at_s);
+
+/* Planned, of what the record covers. */
+double agent_follow_planned_s(const AgentFollow *follow);
+
+/* Whether that run of that epoch has ended. What ended it goes into `why`: nothing where it is
+ * complete, else FB_ERROR as fb_session_start's. */
+bool agent_run_ended(const FbStatus *status, uint32_t epoch, uint32_t run, GError **why);
 
 /* 0 … 1, by planned time. */
 double agent_follow_share(const AgentFollow *follow);

@@ -71,10 +71,13 @@ static bool load_machine(AgentJob *job, GError **error)
     job->machine = cfg_machine_load(job->recipe->machine_file, error);
     if (!job->machine)
         return false;
-    const char *tools =
-        job->recipe->tools_file ? job->recipe->tools_file : job->machine->tools_file;
-    job->tools = cfg_tools_load(tools, error);
+    job->tools = cfg_tools_load(agent_job_tools_file(job), error);
     return job->tools;
+}
+
+char *agent_job_tools_file(const AgentJob *job)
+{
+    return job->recipe->tools_file ? job->recipe->tools_file : job->machine->tools_file;
 }
 
 /* A step begins: its start on the monotonic clock. */

@@ -26,6 +26,9 @@ typedef struct {
 void agent_job_free(AgentJob *job);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentJob, agent_job_free)
 
+/* The file that `tools` came from. */
+char *agent_job_tools_file(const AgentJob *job);
+
 /* For `segment`: the defaults, with the command line's overrides, and the part. */
 AgentJob *agent_job_for_part(const AgentOptions *options, GError **error);
 

@@ -3,7 +3,10 @@
 
 #include <string.h>
 
+#include "agent/progress.h"
 #include "agent/token.h"
+
+#define PATIENCE_S 1
 
 static CfgAgent *load_agent(const AgentOptions *options, GError **error);
 static bool find_target(AgentLink *link, const char *name, GError **error);
@@ -24,6 +27,15 @@ static void on_done(FbTask task, const GError *error, void *data)
     link->error[task] = error ? g_error_copy(error) : NULL;
 }
 
+static gboolean on_patience_lost(void *data)
+{
+    AgentLink *link = data;
+    if (!link->known)
+        agent_progress_note("no answer from %s yet; it is given up after %g s",
+                            link->target.address, link->agent->give_up_s);
+    return G_SOURCE_REMOVE;
+}
+
 AgentLink *agent_link_open(const AgentOptions *options, GError **error)
 {
     g_autoptr(AgentLink) link = g_new0(AgentLink, 1);
@@ -36,6 +48,7 @@ AgentLink *agent_link_open(const AgentOptions *options, GError **error)
     if (!link->session)
         return NULL;
     fb_session_set_token(link->session, agent_token());
+    link->patience = agent_link_timer(link, PATIENCE_S, on_patience_lost, link);
     return g_steal_pointer(&link);
 }
 
@@ -43,6 +56,9 @@ void agent_link_free(AgentLink *link)
 {
     if (!link)
         return;
+    if (link->patience)
+        g_source_destroy(link->patience);
+    g_clear_pointer(&link->patience, g_source_unref);
     g_clear_pointer(&link->session, fb_session_free);
     for (size_t i = 0; i < G_N_ELEMENTS(link->error); i++)
         g_clear_error(&link->error[i]);
@@ -87,7 +103,7 @@ static bool find_target(AgentLink *link, const char *name, GError **error)
 
 /* ------------------------------------------------------------------------ wait */
 
-static bool take_cause(AgentLink *link, GError **error)
+bool agent_link_take_cause(AgentLink *link, GError **error)
 {
     link->cancelled = false;
     g_propagate_error(error, g_steal_pointer(&link->cause));
@@ -104,23 +120,22 @@ static gboolean on_give_up(void *data)
     return G_SOURCE_REMOVE;
 }
 
-/* A timer on the link's own context. */
-static GSource *timer(AgentLink *link, double seconds, GSourceFunc call)
+GSource *agent_link_timer(AgentLink *link, double seconds, GSourceFunc call, void *data)
 {
     GSource *source = g_timeout_source_new((guint)(seconds * 1000));
-    g_source_set_callback(source, call, link, NULL);
+    g_source_set_callback(source, call, data, NULL);
     g_source_attach(source, link->context);
     return source;
 }
 
 bool agent_link_wait_status(AgentLink *link, GError **error)
 {
-    GSource *source = timer(link, link->agent->give_up_s, on_give_up);
+    GSource *source = agent_link_timer(link, link->agent->give_up_s, on_give_up, link);
     while (!link->known && !link->cancelled)
         g_main_context_iteration(link->context, true);
     g_source_destroy(source);
     g_source_unref(source);
-    return link->cancelled ? take_cause(link, error) : true;
+    return link->cancelled ? agent_link_take_cause(link, error) : true;
 }
 
 bool agent_link_wait_ready(AgentLink *link, GError **error)
@@ -155,7 +170,7 @@ bool agent_link_wait(AgentLink *link, FbTask task, GError **error)
     while (!link->done[task] && !link->cancelled)
         g_main_context_iteration(link->context, true);
     if (!link->done[task])
-        return take_cause(link, error);
+        return agent_link_take_cause(link, error);
     link->done[task] = false;
     if (!link->error[task])
         return true;
@@ -170,9 +185,10 @@ void agent_link_cancel(AgentLink *link, GError *cause)
     link->cancelled = true;
 }
 
-bool agent_link_command(AgentLink *link, FbCommand command, GError **error)
+bool agent_link_command(AgentLink *link, FbCommand command, const FbArguments *arguments,
+                        GError **error)
 {
     link->done[FB_TASK_COMMAND] = false;
-    fb_session_command(link->session, command, NULL);
+    fb_session_command(link->session, command, arguments);
     return agent_link_wait(link, FB_TASK_COMMAND, error);
 }

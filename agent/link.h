@@ -15,7 +15,8 @@ typedef struct AgentLink {
     /* Every status; may be NULL. */
     void (*status)(const FbStatus *status, void *data);
     void *data;
-    bool known; /* the status is the machine's own: the link is up */
+    bool known;        /* the status is the machine's own: the link is up */
+    GSource *patience; /* tells a person that it is not, after a second */
     bool done[FB_N_TASKS];
     GError *error[FB_N_TASKS];
     bool cancelled; /* ends the wait; `cause` is its error */
@@ -23,8 +24,8 @@ typedef struct AgentLink {
 } AgentLink;
 
 /* The target of --to: a name in the agent's configuration (--config, the user's, the system's, the
- * built-in one), or an address. Connects in the background. Errors: AGENT_ERROR_TARGET,
- * CFG_ERROR. */
+ * built-in one), or an address. Connects in the background; where that takes more than a second,
+ * whoever waits is told so on stderr. Errors: AGENT_ERROR_TARGET, CFG_ERROR. */
 AgentLink *agent_link_open(const AgentOptions *options, GError **error);
 
 /* Gives the lease back, unless a run is on. */
@@ -37,13 +38,20 @@ bool agent_link_wait_status(AgentLink *link, GError **error);
 /* The same, and that the machine's state takes a program. Errors: also FB_ERROR_REFUSED. */
 bool agent_link_wait_ready(AgentLink *link, GError **error);
 
+/* A timer on the link's own context, for the caller to destroy and unref. */
+GSource *agent_link_timer(AgentLink *link, double seconds, GSourceFunc call, void *data);
+
 /* Waits until the task ends; fails with the error it ended with. */
 bool agent_link_wait(AgentLink *link, FbTask task, GError **error);
 
-/* Sends a command and waits. */
-bool agent_link_command(AgentLink *link, FbCommand command, GError **error);
+/* Sends a command and waits; `arguments` as fb_session_command. */
+bool agent_link_command(AgentLink *link, FbCommand command, const FbArguments *arguments,
+                        GError **error);
 
 /* Ends the wait that is going on; takes `cause`. */
 void agent_link_cancel(AgentLink *link, GError *cause);
+
+/* After a wait that was ended so: hands the cause over. Always false. */
+bool agent_link_take_cause(AgentLink *link, GError **error);
 
 #endif

@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "agent/agent.h"
+#include "fieldbus/fieldbus.h"
 
-#define MAX_ENTRIES 12
+#define MAX_ENTRIES 24
+#define NOT_GIVEN (-1)
 
 /* The options `command` takes, as GLib wants them. */
 static void entries_of(const AgentCommand *command, AgentOptions *o,
@@ -28,6 +30,24 @@ static void entries_of(const AgentCommand *command, AgentOptions *o,
         {AGENT_TAKES_START,
          {"start", 0, 0, G_OPTION_ARG_NONE, &o->start, "Start it too: the machine will move",
           NULL}},
+        {AGENT_TAKES_AT,
+         {"at", 0, 0, G_OPTION_ARG_STRING, &o->at,
+          "Number of the gate, from 1, or `last`: the last one that the run passed", "GATE"}},
+        {AGENT_TAKES_YES,
+         {"yes", 0, 0, G_OPTION_ARG_NONE, &o->yes, "Do not ask: the machine will move", NULL}},
+        {AGENT_TAKES_ACCEPT,
+         {"accept-cautions", 0, 0, G_OPTION_ARG_NONE, &o->accept_cautions,
+          "Start although the pre-flight has cautions", NULL}},
+        {AGENT_TAKES_PERCENT,
+         {"feed", 0, 0, G_OPTION_ARG_INT, &o->feed_percent, "Feed, 0 to 200 % of the program's",
+          "N"}},
+        {AGENT_TAKES_PERCENT,
+         {"rapid", 0, 0, G_OPTION_ARG_INT, &o->rapid_percent, "Rapids, 0 to 100 %", "N"}},
+        {AGENT_TAKES_PERCENT,
+         {"spindle", 0, 0, G_OPTION_ARG_INT, &o->spindle_percent, "Spindle, 50 to 200 %", "N"}},
+        {AGENT_TAKES_NO_FOLLOW,
+         {"no-follow", 0, 0, G_OPTION_ARG_NONE, &o->no_follow,
+          "Return at once instead of watching the run to its end", NULL}},
         {AGENT_TAKES_CONFIG,
          {"config", 0, 0, G_OPTION_ARG_FILENAME, &o->config, "The agent's configuration", "FILE"}},
         {0,
@@ -56,6 +76,29 @@ static bool usage(const AgentCommand *command, GError **error, const char *forma
     return false;
 }
 
+static bool check_percents(const AgentCommand *command, const AgentOptions *options, GError **error)
+{
+    const struct {
+        const char *name;
+        int value, least, most;
+    } percents[] = {
+        {"--feed", options->feed_percent, 0, FB_OVERRIDE_MOST_PERCENT},
+        {"--rapid", options->rapid_percent, 0, FB_RAPID_MOST_PERCENT},
+        {"--spindle", options->spindle_percent, FB_SPINDLE_LEAST_PERCENT, FB_OVERRIDE_MOST_PERCENT},
+    };
+    bool any = false;
+    for (size_t i = 0; i < G_N_ELEMENTS(percents); i++) {
+        int value = percents[i].value;
+        if (value == NOT_GIVEN)
+            continue;
+        any = true;
+        if (value < percents[i].least || value > percents[i].most)
+            return usage(command, error, "%s %d is not within %d to %d percent", percents[i].name,
+                         value, percents[i].least, percents[i].most);
+    }
+    return any || usage(command, error, "--feed, --rapid and --spindle are missing");
+}
+
 static bool check(const AgentCommand *command, int argc, char **argv, const AgentOptions *options,
                   GError **error)
 {
@@ -70,13 +113,17 @@ static bool check(const AgentCommand *command, int argc, char **argv, const Agen
         return usage(command, error, "--to is missing");
     if (command->needs & AGENT_TAKES_MACHINE && !options->machine)
         return usage(command, error, "--machine is missing");
-    return true;
+    if (command->needs & AGENT_TAKES_AT && !options->at)
+        return usage(command, error, "--at is missing");
+    return !(command->needs & AGENT_TAKES_PERCENT) || check_percents(command, options, error);
 }
 
 bool agent_options_read(const AgentCommand *command, int argc, char **argv, AgentOptions *options,
                         GError **error)
 {
     GOptionEntry entries[MAX_ENTRIES];
+    options->command = command;
+    options->feed_percent = options->rapid_percent = options->spindle_percent = NOT_GIVEN;
     entries_of(command, options, entries);
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);
     g_option_context_set_help_enabled(context, false);
@@ -104,6 +151,7 @@ void agent_options_clear(AgentOptions *options)
     g_free(options->to);
     g_free(options->machine);
     g_free(options->config);
+    g_free(options->at);
     g_free(options->argument);
     *options = (AgentOptions){0};
 }

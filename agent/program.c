@@ -5,6 +5,7 @@
 
 static void add_move(AgentProgram *program, GArray *regions, GArray *lines, const NcMove *move,
                      const NcTimedMove *timed);
+static void find_needs(AgentProgram *program, const NcMove *moves, size_t n);
 
 GBytes *agent_program_load(const char *path, GError **error)
 {
@@ -15,6 +16,29 @@ GBytes *agent_program_load(const char *path, GError **error)
         return g_bytes_new_take(text, length);
     g_set_error_literal(error, AGENT_ERROR, AGENT_ERROR_INPUT, cause->message);
     return NULL;
+}
+
+AgentMachine *agent_machine_load(const char *machine_file, const char *tools_file, GError **error)
+{
+    g_autoptr(AgentMachine) loaded = g_new0(AgentMachine, 1);
+    loaded->machine = cfg_machine_load(machine_file, error);
+    if (!loaded->machine)
+        return NULL;
+    loaded->machine_file = g_strdup(machine_file);
+    loaded->tools_file = g_strdup(tools_file ? tools_file : loaded->machine->tools_file);
+    loaded->tools = cfg_tools_load(loaded->tools_file, error);
+    return loaded->tools ? g_steal_pointer(&loaded) : NULL;
+}
+
+void agent_machine_free(AgentMachine *machine)
+{
+    if (!machine)
+        return;
+    g_clear_pointer(&machine->tools, cfg_tools_free);
+    g_clear_pointer(&machine->machine, cfg_machine_free);
+    g_free(machine->machine_file);
+    g_free(machine->tools_file);
+    g_free(machine);
 }
 
 AgentProgram *agent_program_read(GBytes *bytes, const char *name, const CfgMachine *machine,
@@ -34,6 +58,7 @@ AgentProgram *agent_program_read(GBytes *bytes, const char *name, const CfgMachi
     GArray *lines = g_array_new(false, false, sizeof(AgentProgramLine));
     for (guint i = 0; i < moves->len; i++)
         add_move(program, regions, lines, &move[i], &timed[i]);
+    find_needs(program, move, moves->len);
     program->regions = g_array_steal(regions, &program->n_regions);
     program->lines = g_array_steal(lines, &program->n_lines);
     g_array_unref(regions);
@@ -47,6 +72,7 @@ void agent_program_free(AgentProgram *program)
         return;
     g_free(program->regions);
     g_free(program->lines);
+    g_free(program->tools);
     g_free(program);
 }
 
@@ -76,6 +102,31 @@ static void add_move(AgentProgram *program, GArray *regions, GArray *lines, cons
         return;
     AgentProgramLine line = {move->line, timed->start_s, region};
     g_array_append_val(lines, line);
+}
+
+static int by_number(const void *a, const void *b)
+{
+    int x = *(const int *)a, y = *(const int *)b;
+    return (x > y) - (x < y);
+}
+
+static void find_needs(AgentProgram *program, const NcMove *moves, size_t n)
+{
+    GArray *tools = g_array_new(false, false, sizeof(int));
+    for (size_t i = 0; i < n; i++) {
+        const NcMove *move = &moves[i];
+        bool travels = move->kind <= NC_MOVE_ARC;
+        if (travels && !move->machine_coordinates)
+            program->work_offsets |= 1u << (move->work_offset - 54);
+        bool known = move->tool == 0 || (i > 0 && move->tool == moves[i - 1].tool);
+        for (guint t = 0; !known && t < tools->len; t++)
+            known = g_array_index(tools, int, t) == move->tool;
+        if (!known)
+            g_array_append_val(tools, move->tool);
+    }
+    g_array_sort(tools, by_number);
+    program->tools = g_array_steal(tools, &program->n_tools);
+    g_array_unref(tools);
 }
 
 size_t agent_program_line(const AgentProgram *program, uint32_t line)

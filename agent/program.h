@@ -26,7 +26,22 @@ typedef struct {
     double total_s;
     double length_mm, air_mm; /* feed moves and arcs; rapids */
     int tool_changes;
+    int *tools; /* numbers that are called, ascending */
+    size_t n_tools;
+    unsigned work_offsets; /* bit 0: some move is counted from G54, bit 1: from G55 … */
 } AgentProgram;
+
+/* The machine a program was made for: its description, and the tools. */
+typedef struct {
+    char *machine_file, *tools_file;
+    CfgMachine *machine;
+    CfgToolTable *tools;
+} AgentMachine;
+
+/* `tools_file` NULL: the machine's own. Errors: CFG_ERROR. */
+AgentMachine *agent_machine_load(const char *machine_file, const char *tools_file, GError **error);
+void agent_machine_free(AgentMachine *machine);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentMachine, agent_machine_free)
 
 /* The bytes of a file. Errors: AGENT_ERROR_INPUT. */
 GBytes *agent_program_load(const char *path, GError **error);

@@ -1,11 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include <stdio.h>
-#include <string.h>
-
 #include "agent/execute.h"
 #include "agent/job.h"
-#include "agent/out/file.h"
+#include "agent/kept.h"
 #include "agent/out/run_json.h"
+#include "agent/preflight.h"
 #include "agent/progress.h"
 #include "agent/table.h"
 
@@ -16,11 +14,13 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error);
 const AgentCommand agent_run = {
     .name = "run",
     .argument = "RECIPE",
-    .synopsis = "RECIPE [--set KEY=VALUE …] [-o DIR] --to NAME",
+    .synopsis = "RECIPE [--set KEY=VALUE …] [-o DIR] --to NAME [--accept-cautions]",
     .summary = "plan, deliver, verify, START and follow: the machine will move",
     .help =
-        "Does what `plan` does, delivers the program, lets the machine verify it, starts it, and\n"
-        "follows it to its end. To call this command is the explicit act of a person that a start\n"
+        "Does what `plan` does, compares tools and work offsets with the machine's (pre-flight: a\n"
+        "caution blocks the start, exit status 8), delivers the program, lets the machine verify\n"
+        "it, starts it, and follows it to its end. To call this command is the explicit act of a "
+        "person that a start\n"
         "needs. DIR also gets run.json: states, times of each region, alarms, holds. Ctrl-C asks\n"
         "for a hold, a second one for an abort. If the link is lost while running, the machine's\n"
         "state is UNKNOWN (exit status 7): look at the machine.\n\n"
@@ -28,7 +28,8 @@ const AgentCommand agent_run = {
         "/etc/segmill/agent.ini; without any of them there is one machine, sim, at\n"
         "modbus://127.0.0.1:1502.",
     .out_help = "Folder of the results; " DEFAULT_FOLDER " where it is not given",
-    .takes = AGENT_TAKES_OUT | AGENT_TAKES_SET | AGENT_TAKES_TO | AGENT_TAKES_CONFIG,
+    .takes = AGENT_TAKES_OUT | AGENT_TAKES_SET | AGENT_TAKES_TO | AGENT_TAKES_ACCEPT |
+             AGENT_TAKES_CONFIG,
     .needs = AGENT_TAKES_TO,
     .run = run,
 };
@@ -63,28 +64,21 @@ static bool ready(const AgentOptions *options, GError **error)
     return is_ready;
 }
 
-static bool write_report(const AgentOptions *options, const AgentJob *job, const char *started,
-                         const AgentFollow *follow, const GError *ended, GError **error)
+/* Pre-flight, then the copy for a restart, then the machine. */
+static bool start(const AgentOptions *options, const AgentJob *job, AgentExecution *execution,
+                  GArray **findings, GError **error)
 {
-    AgentRunReport report = {.program_sha256 = job->program->sha256,
-                             .machine = options->to,
-                             .started = started,
-                             .error = ended,
-                             .follow = follow};
-    g_autofree char *text = agent_run_json(&report);
-    return agent_file_write(options->out ? options->out : DEFAULT_FOLDER, "run.json", text,
-                            strlen(text), error);
-}
-
-static void describe(const AgentFollow *follow, AgentJson *result, bool json)
-{
-    agent_json_string(result, "outcome", agent_run_outcome(NULL));
-    agent_json_integer(result, "blocks", (int64_t)follow->blocks);
-    agent_json_number(result, "planned_s", follow->program->total_s);
-    agent_json_number(result, "actual_s", follow->actual_s);
-    if (!json)
-        printf("done: %.1f s machine time (planned %.1f s), %" G_GUINT64_FORMAT " blocks\n",
-               follow->actual_s, follow->program->total_s, follow->blocks);
+    const NcProgram *program = job->program;
+    /* The description is the job's; only its file names are new. */
+    AgentMachine machine = {job->recipe->machine_file, agent_job_tools_file(job), job->machine,
+                            job->tools};
+    *findings =
+        agent_preflight(execution->link, program, execution->follow->program, &machine, error);
+    return *findings && agent_preflight_allows(*findings, options->accept_cautions, error) &&
+           agent_kept_store(program, machine.machine_file, machine.tools_file, error) &&
+           agent_execute_deliver(execution, program->bytes, program->gates, program->n_gates,
+                                 error) &&
+           agent_execute_start(execution, NULL, error);
 }
 
 static bool execute(const AgentOptions *options, const AgentJob *job, AgentJson *result,
@@ -96,8 +90,6 @@ static bool execute(const AgentOptions *options, const AgentJob *job, AgentJson 
     g_autoptr(AgentLink) link = timed ? agent_link_open(options, error) : NULL;
     if (!link)
         return false;
-    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
-    g_autofree char *started = g_date_time_format_iso8601(now);
     AgentFollow follow;
     agent_follow_init(&follow, timed);
     AgentExecution execution = {.link = link,
@@ -105,14 +97,22 @@ static bool execute(const AgentOptions *options, const AgentJob *job, AgentJson 
                                 .start_us = g_get_monotonic_time(),
                                 .state = FB_N_STATES,
                                 .name = options->to};
+    AgentRunReport report = {
+        .program_sha256 = program->sha256, .machine = options->to, .follow = &follow};
+    agent_run_begin(&report);
+    g_autoptr(GArray) findings = NULL;
     g_autoptr(GError) ended = NULL;
-    bool ok = agent_execute_deliver(&execution, program->bytes, program->gates, program->n_gates,
-                                    &ended) &&
-              agent_execute_start(&execution, &ended);
+    bool ok = start(options, job, &execution, &findings, &ended);
     link->status = NULL;
-    bool written = write_report(options, job, started, &follow, ended, ok ? error : NULL);
-    if (ok && written)
-        describe(&follow, result, options->json);
+    report.error = ended;
+    report.findings = findings;
+    bool written =
+        agent_run_write(&report, options->out ? options->out : DEFAULT_FOLDER, ok ? error : NULL);
+    if (ok && written) {
+        agent_preflight_write(findings, result);
+        agent_run_describe(&report, result, options->json);
+    }
+    agent_run_end(&report);
     agent_follow_clear(&follow);
     if (!ok)
         g_propagate_error(error, g_steal_pointer(&ended));

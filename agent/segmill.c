@@ -9,8 +9,19 @@
 #include "agent/agent.h"
 
 static const AgentCommand *const commands[] = {
-    &agent_init, &agent_segment, &agent_plan,   &agent_estimate, &agent_send,
-    &agent_run,  &agent_hold,    &agent_resume, &agent_abort,    &agent_status,
+    &agent_init,
+    &agent_segment,
+    &agent_plan,
+    &agent_estimate,
+    &agent_send,
+    &agent_run,
+    &agent_controls[AGENT_HOLD],
+    &agent_controls[AGENT_RESUME],
+    &agent_controls[AGENT_ABORT],
+    &agent_controls[AGENT_OVERRIDE],
+    &agent_controls[AGENT_OPTIONAL_STOP],
+    &agent_restart,
+    &agent_status,
 };
 
 static bool is_help(const char *name);
@@ -132,8 +143,8 @@ static bool help(const char *name, GError **error)
          "toolpath, writes one G-code program, delivers it to a CNC and follows the run.\n\n"
          "Commands:");
     for (size_t i = 0; i < G_N_ELEMENTS(commands); i++)
-        printf("  %-9s %s\n            segmill %s %s\n", commands[i]->name, commands[i]->summary,
-               commands[i]->name, commands[i]->synopsis);
+        printf("  %-13s %s\n                segmill %s %s\n", commands[i]->name,
+               commands[i]->summary, commands[i]->name, commands[i]->synopsis);
     puts("\nsegmill help COMMAND explains one. Exit status: 0 done, 1 failed, 2 wrong usage,\n"
          "3 bad input or configuration file, 4 machine unreachable or refused before the start,\n"
          "5 machine alarm, 6 aborted by a person, 7 link lost while running (the machine's state\n"

@@ -2,22 +2,24 @@
 #include <stdio.h>
 
 #include "agent/execute.h"
-#include "agent/program.h"
-#include "agent/progress.h"
+#include "agent/kept.h"
+#include "agent/preflight.h"
 
 static bool run(const AgentOptions *options, AgentJson *result, GError **error);
 
 const AgentCommand agent_send = {
     .name = "send",
     .argument = "PROGRAM",
-    .synopsis = "PROGRAM --to NAME [--start] [--machine FILE]",
+    .synopsis = "PROGRAM --to NAME [--start [--accept-cautions]] [--machine FILE]",
     .summary = "deliver a program and let the machine verify it; without --start nothing moves",
     .help =
         "Delivers the bytes of any program. Its gates, the places where the tool is clear of the\n"
         "part, are found with the machine's description: --machine, or the file that the agent's\n"
         "configuration names for the machine. Without one the only gate is the program's end.\n"
-        "With --start the program is started and followed, as by `run`.",
-    .takes = AGENT_TAKES_TO | AGENT_TAKES_START | AGENT_TAKES_MACHINE | AGENT_TAKES_CONFIG,
+        "The pre-flight compares tools, work offsets and memory with the machine's. With --start\n"
+        "the program is started, unless there is a caution, and followed, as by `run`.",
+    .takes = AGENT_TAKES_TO | AGENT_TAKES_START | AGENT_TAKES_ACCEPT | AGENT_TAKES_MACHINE |
+             AGENT_TAKES_CONFIG,
     .needs = AGENT_TAKES_TO,
     .run = run,
 };
@@ -25,13 +27,15 @@ const AgentCommand agent_send = {
 /* What is to be delivered. */
 typedef struct {
     NcProgram *program;
-    AgentProgram *timed; /* NULL without a machine's description */
+    AgentMachine *machine; /* NULL without a description */
+    AgentProgram *timed;   /* NULL together with it */
 } Load;
 
 static void load_clear(Load *load)
 {
     g_clear_pointer(&load->program, nc_program_free);
     g_clear_pointer(&load->timed, agent_program_free);
+    g_clear_pointer(&load->machine, agent_machine_free);
 }
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(Load, load_clear)
 
@@ -56,17 +60,16 @@ static bool load_program(const AgentOptions *options, const AgentLink *link, Loa
         return false;
     const char *file = options->machine ? options->machine : link->target.machine_file;
     if (!file) {
-        agent_progress_note("no description of the machine is known: the only gate is the end");
         load->program = bare_program(bytes);
         return true;
     }
-    g_autoptr(CfgMachine) machine = cfg_machine_load(file, error);
-    g_autoptr(CfgToolTable) tools = machine ? cfg_tools_load(machine->tools_file, error) : NULL;
-    if (!tools)
+    AgentMachine *machine = load->machine = agent_machine_load(file, NULL, error);
+    if (!machine)
         return false;
-    load->timed = agent_program_read(bytes, options->argument, machine, tools, error);
+    load->timed =
+        agent_program_read(bytes, options->argument, machine->machine, machine->tools, error);
     if (load->timed)
-        load->program = nc_program_from_bytes(bytes, machine, tools, error);
+        load->program = nc_program_from_bytes(bytes, machine->machine, machine->tools, error);
     return load->program;
 }
 
@@ -74,17 +77,34 @@ static bool deliver(const AgentOptions *options, AgentLink *link, const Load *lo
                     AgentFollow *follow, GError **error)
 {
     const NcProgram *program = load->program;
+    const AgentMachine *machine = load->machine;
     AgentExecution execution = {.link = link,
                                 .follow = follow,
                                 .start_us = g_get_monotonic_time(),
                                 .state = FB_N_STATES,
                                 .name = options->to};
     bool ok =
+        agent_kept_store(program, machine ? machine->machine_file : NULL,
+                         machine ? machine->tools_file : NULL, error) &&
         agent_execute_deliver(&execution, program->bytes, program->gates, program->n_gates, error);
     if (ok && options->start)
-        ok = agent_execute_start(&execution, error);
+        ok = agent_execute_start(&execution, NULL, error);
     link->status = NULL;
     return ok;
+}
+
+static void describe(const AgentOptions *options, const Load *load, const GArray *findings,
+                     const FbStatus *status, AgentJson *result)
+{
+    size_t length = g_bytes_get_size(load->program->bytes);
+    agent_json_string(result, "program_sha256", load->program->sha256);
+    agent_json_integer(result, "program_bytes", (int64_t)length);
+    agent_json_integer(result, "gates", (int64_t)load->program->n_gates);
+    agent_preflight_write(findings, result);
+    agent_json_string(result, "state", fb_state_name(status->state));
+    if (!options->json)
+        printf("%s: %zu bytes delivered and verified; the machine is %s\n", options->argument,
+               length, fb_state_name(status->state));
 }
 
 static bool run(const AgentOptions *options, AgentJson *result, GError **error)
@@ -93,22 +113,19 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
     g_auto(Load) load = {0};
     if (!link || !load_program(options, link, &load, error) || !agent_link_wait_ready(link, error))
         return false;
+    g_autoptr(GArray) findings =
+        agent_preflight(link, load.program, load.timed, load.machine, error);
+    /* Without --start a caution is there to be read. */
+    if (!findings ||
+        !agent_preflight_allows(findings, !options->start || options->accept_cautions, error))
+        return false;
     AgentFollow follow = {0};
     if (load.timed)
         agent_follow_init(&follow, load.timed);
     bool ok = deliver(options, link, &load, load.timed ? &follow : NULL, error);
     if (load.timed)
         agent_follow_clear(&follow);
-    if (!ok)
-        return false;
-    const FbStatus *status = fb_session_status(link->session);
-    size_t length = g_bytes_get_size(load.program->bytes);
-    agent_json_string(result, "program_sha256", load.program->sha256);
-    agent_json_integer(result, "program_bytes", (int64_t)length);
-    agent_json_integer(result, "gates", (int64_t)load.program->n_gates);
-    agent_json_string(result, "state", fb_state_name(status->state));
-    if (!options->json)
-        printf("%s: %zu bytes delivered and verified; the machine is %s\n", options->argument,
-               length, fb_state_name(status->state));
-    return true;
+    if (ok)
+        describe(options, &load, findings, fb_session_status(link->session), result);
+    return ok;
 }

@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "agent/out/run_json.h"
 
-#include "agent/out/json.h"
+#include <stdio.h>
+#include <string.h>
+
+#include "agent/out/file.h"
+#include "agent/preflight.h"
 
 static void write_states(AgentJson *json, const AgentFollow *follow);
 static void write_regions(AgentJson *json, const AgentFollow *follow);
@@ -17,9 +21,42 @@ const char *agent_run_outcome(const GError *error)
     };
     if (!error)
         return "complete";
+    if (g_error_matches(error, AGENT_ERROR, AGENT_ERROR_CAUTION))
+        return "blocked";
     bool ours =
         error->domain == FB_ERROR && error->code >= 0 && error->code < (int)G_N_ELEMENTS(names);
     return ours ? names[error->code] : "failed";
+}
+
+void agent_run_begin(AgentRunReport *report)
+{
+    g_autoptr(GDateTime) now = g_date_time_new_now_utc();
+    report->started = g_date_time_format_iso8601(now);
+}
+
+void agent_run_end(AgentRunReport *report)
+{
+    g_clear_pointer(&report->started, g_free);
+}
+
+bool agent_run_write(const AgentRunReport *report, const char *folder, GError **error)
+{
+    g_autofree char *text = agent_run_json(report);
+    return agent_file_folder(folder, error) &&
+           agent_file_write(folder, "run.json", text, strlen(text), error);
+}
+
+void agent_run_describe(const AgentRunReport *report, AgentJson *result, bool json)
+{
+    const AgentFollow *follow = report->follow;
+    double planned_s = agent_follow_planned_s(follow);
+    agent_json_string(result, "outcome", agent_run_outcome(NULL));
+    agent_json_integer(result, "blocks", (int64_t)follow->blocks);
+    agent_json_number(result, "planned_s", planned_s);
+    agent_json_number(result, "actual_s", follow->actual_s);
+    if (!json)
+        printf("done: %.1f s machine time (planned %.1f s), %" G_GUINT64_FORMAT " blocks\n",
+               follow->actual_s, planned_s, follow->blocks);
 }
 
 char *agent_run_json(const AgentRunReport *report)
@@ -31,11 +68,16 @@ char *agent_run_json(const AgentRunReport *report)
     agent_json_string(json, "started", report->started);
     agent_json_string(json, "outcome", agent_run_outcome(report->error));
     agent_json_string(json, "message", report->error ? report->error->message : NULL);
+    agent_json_integer(json, "gate", report->gate);
+    agent_preflight_write(report->findings, json);
     write_states(json, follow);
     agent_json_integer(json, "blocks", (int64_t)follow->blocks);
     agent_json_integer(json, "line", follow->line);
-    agent_json_number(json, "planned_s", follow->program->total_s);
+    agent_json_number(json, "planned_s", agent_follow_planned_s(follow));
     agent_json_number(json, "actual_s", follow->actual_s);
+    agent_json_bool(json, "drip", follow->drip);
+    agent_json_integer(json, "starved", follow->starved);
+    agent_json_number(json, "starved_s", follow->starved_s);
     write_regions(json, follow);
     write_alarms(json, follow);
     write_holds(json, follow);
@@ -65,7 +107,7 @@ static void write_regions(AgentJson *json, const AgentFollow *follow)
             continue;
         agent_json_object(json, NULL);
         agent_json_integer(json, "id", region->id);
-        agent_json_number(json, "planned_s", region->planned_s);
+        agent_json_number(json, "planned_s", follow->planned_region_s[i]);
         agent_json_number(json, "actual_s", follow->region_s[i]);
         agent_json_end(json);
     }

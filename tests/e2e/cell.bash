@@ -43,7 +43,7 @@ os.execv(sys.argv[1], sys.argv[1:])' \
     pids+=("$run_pid")
     state_is RUNNING
 }
-control() { # control COMMAND: as anyone at another terminal
-    run "$segmill" "$1" --to "$to" --config "$dir/agent.ini"
+control() { # control COMMAND [ARGUMENT…]: as anyone at another terminal
+    run "$segmill" "$@" --to "$to" --config "$dir/agent.ini"
     [ "$status" = 0 ]
 }

@@ -49,7 +49,7 @@ ok "the person's own, too" fails 4 'NEEDS_ACKNOWLEDGE' "$segmill" resume --to "$
 echo ack >&7
 ok "acknowledged at the machine" shows needs_acknowledge false
 ok "which moves nothing" shows program_time_s "$stood_s"
-ok "now a resume" control resume
+ok "now a resume" control resume --no-follow
 ok "goes on" moved
 stop
 finish

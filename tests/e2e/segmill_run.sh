@@ -48,7 +48,7 @@ ok "a run that takes its time" begin
 ok "another terminal holds it" control hold
 ok "it is held" state_is HELD
 sleep 1 # the run samples the machine's state
-ok "and resumes it" control resume
+ok "and resumes it" control resume --no-follow
 ok "it runs" state_is RUNNING
 sleep 1
 ok "a second agent is refused" fails 4 'is RUNNING and takes no program' \
