@@ -127,12 +127,19 @@ static GError *refusal(const FbDelivery *d, FbCommand command, FbAnswer answer)
                        advice(s->state, answer), owner ? owner : "", alarm ? alarm : "");
 }
 
-/* The lease is kept for the next task only by a delivery, and by who lets a run go on. */
+/* What needs no lease, and waits for nothing. */
+static bool is_stop(FbCommand command)
+{
+    return command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT;
+}
+
+/* The lease is kept for the next task only by a delivery, and by who lets a run go on; a stop never
+ * took it, and who let the run go on still has to beat. */
 static bool must_release(const FbDelivery *d)
 {
-    const bool keeps = d->task == FB_TASK_DELIVER ||
-                       (d->task == FB_TASK_COMMAND && d->command == FB_COMMAND_RESUME);
-    return d->leased && !(keeps && !d->outcome);
+    const bool commands = d->task == FB_TASK_COMMAND;
+    const bool keeps = d->task == FB_TASK_DELIVER || (commands && d->command == FB_COMMAND_RESUME);
+    return d->leased && !(commands && is_stop(d->command)) && !(keeps && !d->outcome);
 }
 
 /* The lease of our own earlier session is given to us when the machine has not heard of that
@@ -321,12 +328,6 @@ static void setup_next(FbDelivery *d, int64_t now_us, FbActions *out)
         d->setup_known = true;
         fb_task_finish(d, NULL);
     }
-}
-
-/* What needs no lease, and waits for nothing. */
-static bool is_stop(FbCommand command)
-{
-    return command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT;
 }
 
 static void command_next(FbDelivery *d, int64_t now_us, FbActions *out)
