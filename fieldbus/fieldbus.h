@@ -347,6 +347,7 @@ typedef struct {
     uint64_t forged, replayed, malformed; /* messages and frames: nothing was done */
     uint64_t hellos, openings; /* HELLOs answered, and gone on with; the others were replayed, or
                                   their senders gave up */
+    uint64_t torn;             /* messages that did not come, or did not go, to their end */
     uint64_t unsent;           /* answers and beats that the bus did not take */
     uint64_t breaks;           /* how often the bus was off, down or gone */
     uint64_t errors[FB_CAN_N_ERRORS]; /* error frames by class: fb_can_error_name */
@@ -428,5 +429,19 @@ const FbSetup *fb_session_setup(const FbSession *session); /* NULL before */
 void fb_session_command(FbSession *session, FbCommand command, const FbArguments *arguments);
 
 const FbStatus *fb_session_status(const FbSession *session);
+
+/* ----------------------------------------------------------------- test certificates */
+
+/* A TEST CA, for trying and testing: its key lies beside what it signs, and it revokes nothing. */
+typedef struct {
+    const char *folder;       /* made where it is not there */
+    const char *const *hosts; /* the machine's names and addresses, NULL-terminated, at least one */
+    int days;                 /* how long the certificates hold, from now */
+} FbPkiOptions;
+
+/* Writes NAME.pem and NAME.key (mode 0600) of ca, machine, and the agents observer, operator and
+ * programmer, each with the role of its name. Nothing that is there is overwritten:
+ * FB_ERROR_CREDENTIALS. */
+bool fb_pki_write(const FbPkiOptions *options, GError **error);
 
 #endif

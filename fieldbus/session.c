@@ -4,9 +4,12 @@
  * carries the program and follows the run; `control` carries single commands, so that a HOLD never
  * waits behind a chunk.
  */
+#include "fieldbus/session.h"
+
 #include <gio/gio.h>
 #include <string.h>
 
+#include "fieldbus/can/client.h"
 #include "fieldbus/driver.h"
 #include "fieldbus/modbus/client.h"
 
@@ -136,7 +139,7 @@ static bool parse_address(const char *address, char **host, uint16_t *port, bool
         name = g_network_address_parse(address + strlen(plain), 502, error);
     else
         g_set_error(error, FB_ERROR, FB_ERROR_UNREACHABLE,
-                    "write modbus://HOST:PORT or mbaps://HOST:PORT");
+                    "write modbus://HOST:PORT, mbaps://HOST:PORT or can://INTERFACE");
     if (!name) {
         g_prefix_error(error, "%s is not an address of a machine: ", address);
         return false;
@@ -167,46 +170,65 @@ static FbDelivery *new_delivery(const CfgAgent *agent, uint64_t token)
     return fb_delivery_new(&options, g_get_monotonic_time());
 }
 
-/* A driver with the transport that the target's address asks for; NULL with an error. */
-static FbDriver *new_driver(FbSession *s, const CfgTarget *target, const CfgAgent *agent,
-                            uint64_t token, const FbDriverCallbacks *callbacks,
-                            GMainContext *context, GError **error)
+static bool attach_modbus(FbDriver *driver, const CfgTarget *target, GError **error)
 {
     g_autofree char *host = NULL;
     g_autoptr(FbTls) tls = NULL;
     uint16_t port;
     bool secure;
     if (!parse_address(target->address, &host, &port, &secure, error))
-        return NULL;
+        return false;
     if (secure && !(tls = fb_tls_new(&target->tls, false, error)))
-        return NULL;
+        return false;
     if (!secure && !target->plain && !is_loopback(host)) {
         g_set_error(error, FB_ERROR, FB_ERROR_CREDENTIALS,
                     "%s: plain Modbus beyond this host is open to everybody on the way: use "
                     "mbaps://, or set plain = true for this machine in the agent's configuration",
                     target->address);
-        return NULL;
+        return false;
     }
-    FbDriver *driver = fb_driver_new(new_delivery(agent, token), callbacks, s, context);
     fb_modbus_client_attach(driver, host, port, target->unit_id, tls);
-    return driver;
+    return true;
+}
+
+/* Without its transports. */
+static FbSession *new_session(const char *address, const CfgAgent *agent,
+                              const FbSessionCallbacks *callbacks, GMainContext *context)
+{
+    static const FbDriverCallbacks work = {on_work_show, on_work_ended};
+    static const FbDriverCallbacks control = {NULL, on_control_ended};
+    FbSession *s = g_new0(FbSession, 1);
+    const uint64_t token = (uint64_t)(g_random_int() | 1) << 32 | g_random_int();
+    s->address = g_strdup(address);
+    s->callbacks = *callbacks;
+    s->status.state = FB_STATE_UNKNOWN;
+    g_queue_init(&s->commands);
+    s->work = fb_driver_new(new_delivery(agent, token), &work, s, context);
+    s->control = fb_driver_new(new_delivery(agent, token), &control, s, context);
+    return s;
+}
+
+FbSession *fb_session_new_on_can(const char *address, FbCanAgent *can, const CfgAgent *agent,
+                                 const FbSessionCallbacks *callbacks, GMainContext *context)
+{
+    FbSession *s = new_session(address, agent, callbacks, context);
+    fb_can_client_attach(s->work, can, FB_CAN_WORK_CHANNEL);
+    fb_can_client_attach(s->control, can, FB_CAN_CONTROL_CHANNEL);
+    return s;
 }
 
 FbSession *fb_session_new(const CfgTarget *target, const CfgAgent *agent,
                           const FbSessionCallbacks *callbacks, GMainContext *context,
                           GError **error)
 {
-    static const FbDriverCallbacks work = {on_work_show, on_work_ended};
-    static const FbDriverCallbacks control = {NULL, on_control_ended};
-    g_autoptr(FbSession) s = g_new0(FbSession, 1);
-    const uint64_t token = (uint64_t)(g_random_int() | 1) << 32 | g_random_int();
-    s->address = g_strdup(target->address);
-    s->callbacks = *callbacks;
-    s->status.state = FB_STATE_UNKNOWN;
-    g_queue_init(&s->commands);
-    s->work = new_driver(s, target, agent, token, &work, context, error);
-    s->control = s->work ? new_driver(s, target, agent, token, &control, context, error) : NULL;
-    return s->control ? g_steal_pointer(&s) : NULL;
+    if (g_str_has_prefix(target->address, "can://")) {
+        g_autoptr(FbCanAgent) can = fb_can_agent_new(target, error);
+        return can ? fb_session_new_on_can(target->address, can, agent, callbacks, context) : NULL;
+    }
+    g_autoptr(FbSession) s = new_session(target->address, agent, callbacks, context);
+    if (!attach_modbus(s->work, target, error) || !attach_modbus(s->control, target, error))
+        return NULL;
+    return g_steal_pointer(&s);
 }
 
 void fb_session_free(FbSession *s)
