@@ -28,6 +28,8 @@ packages() {
 #: perl                       prove
 #: python3-jsonschema         judge of the JSON files
 #: mbpoll                     judge of the Modbus map
+#: python3-pymodbus           judge of the Modbus map and of the exceptions
+#: tshark                     judge of the frames of a delivery
 #: openssl                    judge of TLS
 #: iproute2                   CAN buses
 #: can-utils                  judge of CAN and ISO-TP

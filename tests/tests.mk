@@ -66,9 +66,10 @@ check-kernel: all  ## CAN and GPIO: on this host if it has both, else in a kerne
 	$(Q)$(PROVE) -e 'bash tests/kernel/run.sh' tests/kernel/t/*.sh
 
 .PHONY: soak
-soak: all  ## hours of the same: ten thousand damaged files, long fuzzing
+soak: all  ## hours of the same: ten thousand damaged files, long fuzzing, thousands of programs
 	$(Q)$(SUBMAKE) tests-built
 	$(Q)SEGMILL_MUTANTS=10000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
+	$(Q)SEGMILL_SOAK=2000 $(PROVE) -e bash tests/ci/soak.sh
 	$(Q)$(MAKE) --no-print-directory check-clang FUZZ_SECONDS=1800
 
 .PHONY: bench

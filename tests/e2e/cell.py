@@ -103,13 +103,14 @@ class Machine:
             await asyncio.sleep(0.01)
         return status
 
-    def log(self, start):
-        """(lines executed, in order; other entries) since one start. A log that was cut off ends
-        with the last whole line."""
+    def entries(self, start):
+        """The log since one start. One that was cut off ends with the last whole line."""
         text = self.log_path(start).read_text()
-        entries = [json.loads(line) for line in text[:text.rfind("\n") + 1].splitlines()]
-        return ([e["line"] for e in entries if "line" in e],
-                [e for e in entries if "line" not in e])
+        return [json.loads(line) for line in text[:text.rfind("\n") + 1].splitlines()]
+
+    def lines(self, start):
+        """The lines of the blocks executed since one start, in their order."""
+        return [e["line"] for e in self.entries(start) if "line" in e]
 
     def resources(self):
         """(open descriptors, resident kB)"""

@@ -102,7 +102,7 @@ class Case:
 
     def lines(self):
         """Executed blocks, a list for each start of the machine."""
-        return [self.machine.log(start + 1)[0] for start in range(self.machine.starts)]
+        return [self.machine.lines(start + 1) for start in range(self.machine.starts)]
 
     def clear(self):
         shutil.rmtree(self.folder)
