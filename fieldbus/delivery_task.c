@@ -10,6 +10,7 @@ static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out);
 static void run_next(FbDelivery *d, int64_t now_us, FbActions *out);
 static void command_next(FbDelivery *d, int64_t now_us, FbActions *out);
 static void setup_next(FbDelivery *d, int64_t now_us, FbActions *out);
+static bool is_ours(const FbDelivery *d);
 
 /* True where the answer to the command in question is in the status. */
 static bool is_answered(const FbDelivery *d)
@@ -50,7 +51,7 @@ bool fb_task_streams(const FbDelivery *d)
     const FbStatus *s = &d->status;
     const bool delivers = d->task == FB_TASK_DELIVER && s->state == FB_STATE_LOADING;
     const bool drips = d->task == FB_TASK_RUN && d->started && s->drip && s->run == d->run;
-    return d->leased && (delivers || drips) && s->transfer == d->transfer;
+    return d->leased && (delivers || drips) && s->transfer == d->transfer && is_ours(d);
 }
 
 void fb_task_judge_chunk(FbDelivery *d)
@@ -197,7 +198,7 @@ static void judge(FbDelivery *d, int64_t now_us)
 static bool is_ours(const FbDelivery *d)
 {
     const FbStatus *s = &d->status;
-    return s->transfer != 0 && memcmp(s->id, d->open.id, sizeof s->id) == 0 &&
+    return s->transfer != 0 && d->table && memcmp(s->id, d->open.id, sizeof s->id) == 0 &&
            s->gates == d->open.gates && s->gates_crc == d->open.gates_crc &&
            s->length == d->open.program_bytes + d->table_bytes &&
            s->drip == (d->open.flags & FB_OPEN_DRIP);
@@ -303,8 +304,12 @@ static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
                                       s->alarm_code, s->line,
                                       s->alarm_code ? s->alarm_text : "acknowledged meanwhile",
                                       s->alarm_code ? s->alarm_advice : ""));
-    } else if (s->drip && s->received < s->length && d->program) {
+    } else if (s->drip && s->received < MIN(s->length, s->may_send_to) && is_ours(d)) {
         fb_delivery_send_chunk(d, now_us, out);
+    } else if (s->drip && s->received < s->length && is_ours(d)) {
+        /* The next gate brings new credit: a beat would tell of it too late. */
+        d->poll_us = MIN(d->poll_us, now_us + FB_AGAIN_US);
+        d->again_us = d->poll_us;
     } else {
         d->again_us = INT64_MAX; /* the beats follow it */
     }

@@ -347,11 +347,11 @@ static FbAnswer take_order(FbReceiver *r, FbRole role, const uint8_t *bytes, siz
         return answer;
     if (!fb_role_may(role, o.command))
         return r->last.answer = FB_ANSWER_ROLE;
-    hear_agent(r, o.session, o.token, now_us);
     Record *record = find_record(r, o.session);
     record->used = ++r->n_used;
     if (o.seq < record->seq)
         return r->last.answer = FB_ANSWER_OUT_OF_SEQUENCE;
+    hear_agent(r, o.session, o.token, now_us); /* what comes late is no sign of life */
     if (o.seq == record->seq)
         return r->last.answer = o.crc == record->crc ? record->answer : FB_ANSWER_MALFORMED;
     record->seq = o.seq;
@@ -622,6 +622,7 @@ FbReceiver *fb_receiver_new(const FbReceiverOptions *options)
     FbReceiver *r = g_new0(FbReceiver, 1);
     g_assert(options->epoch != 0);
     r->options = *options;
+    r->options.memory_bytes = MIN(options->memory_bytes, FB_STREAM_MOST);
     r->state = FB_STATE_OFF;
     r->overrides = (FbArguments){100, 100, 100, false};
     return r;

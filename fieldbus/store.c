@@ -3,9 +3,6 @@
 
 #include <string.h>
 
-/* GByteArray counts in 32 bits and doubles as it grows. */
-static const uint64_t LARGEST_STREAM = UINT64_C(1) << 30;
-
 static FbAnswer read_table(FbStore *s, const char **why);
 static FbAnswer take_dripped(FbStore *s, const uint8_t *bytes, size_t n);
 
@@ -21,7 +18,7 @@ FbAnswer fb_store_open(FbStore *s, const FbOpen *open, uint32_t transfer, uint64
         open->program_bytes > INT64_MAX || open->flags & ~FB_OPEN_DRIP)
         return FB_ANSWER_MALFORMED;
     const bool drip = open->flags & FB_OPEN_DRIP;
-    const uint64_t most = MIN(memory_bytes, LARGEST_STREAM);
+    const uint64_t most = MIN(memory_bytes, FB_STREAM_MOST);
     const uint64_t table_bytes = open->gates * (uint64_t)fb_wire_gate_bytes(open->flags);
     if (table_bytes >= most || (!drip && open->program_bytes > most - table_bytes))
         return FB_ANSWER_TOO_LARGE;

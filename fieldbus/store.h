@@ -8,6 +8,9 @@
 
 #include "fieldbus/wire.h"
 
+/* GByteArray counts in 32 bits and doubles as it grows. */
+enum { FB_STREAM_MOST = 1 << 30 };
+
 typedef struct {
     uint32_t transfer; /* 0: nothing is stored */
     FbOpen open;       /* what was announced */

@@ -453,8 +453,10 @@ FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *o)
     o->token = get64(&p);
     o->command = (FbCommand)get16(&p);
     o->crc = crc;
+    const uint8_t *on = in + FB_COMMAND_BYTES;
     if (o->command == FB_COMMAND_NONE || o->command >= FB_N_COMMANDS || o->session == 0 ||
-        o->seq == 0 || arguments != argument_bytes(o->command))
+        o->seq == 0 || arguments != argument_bytes(o->command) ||
+        (o->command == FB_COMMAND_OPTIONAL_STOP && get16(&on) > 1))
         return FB_ANSWER_MALFORMED;
     get_arguments(in + FB_COMMAND_BYTES, o);
     return FB_ANSWER_DONE;
