@@ -92,7 +92,7 @@ static void hold_before_start(void)
             g_main_context_iteration(link->context, TRUE);
         g_assert_error(link->error[FB_TASK_COMMAND], FB_ERROR, FB_ERROR_REFUSED);
         g_assert_cmpint(g_atomic_int_get(&m.holds), ==, 0);
-        g_assert_false(agent_execute_start(&execution, &error));
+        g_assert_false(agent_execute_start(&execution, NULL, &error));
         g_assert_error(error, FB_ERROR, FB_ERROR_ABORTED);
     }
     g_assert_cmpint(g_atomic_int_get(&m.starts), ==, 1);
