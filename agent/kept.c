@@ -135,9 +135,9 @@ static bool read_gates(NcProgram *program, const char *text)
     program->gates = g_new(uint64_t, n + 1);
     for (size_t i = 0; i < n; i++) {
         guint64 gate;
-        uint64_t least = i > 0 ? program->gates[i - 1] + 1 : 0;
-        if (!g_ascii_string_to_unsigned(words[i], 10, least, g_bytes_get_size(program->bytes),
-                                        &gate, NULL))
+        if (!g_ascii_string_to_unsigned(words[i], 10, 0, g_bytes_get_size(program->bytes), &gate,
+                                        NULL) ||
+            (i > 0 && gate <= program->gates[i - 1]))
             return false;
         program->gates[program->n_gates++] = gate;
     }
