@@ -191,6 +191,11 @@ static void show_run(AgentExecution *execution, const FbStatus *status)
 {
     bool changed = status->state != execution->state;
     execution->state = status->state;
+    if (status->starving && !execution->starved) {
+        agent_progress_note(
+            "the machine waits at a gate for more of the program: the link is slow");
+        execution->starved = true;
+    }
     switch (status->state) {
     case FB_STATE_RUNNING:
         if (execution->follow)

@@ -13,7 +13,8 @@ typedef struct {
     bool started;        /* a run is on, or on its way */
     int interrupts;      /* Ctrl-C so far, since then */
     FbCommand stop;      /* what they asked for last */
-    FbState state;       /* as last told to the person */
+    FbState state;       /* as last told to the person, */
+    bool starved;        /* and that this happened */
     char *name;          /* of the machine, for messages */
     bool watching;       /* the run of the machine's epoch, */
     uint32_t epoch, run; /* whoever started it, */

@@ -57,6 +57,9 @@ void agent_run_describe(const AgentRunReport *report, AgentJson *result, bool js
     if (!json)
         printf("done: %.1f s machine time (planned %.1f s), %" G_GUINT64_FORMAT " blocks\n",
                follow->actual_s, planned_s, follow->blocks);
+    if (!json && follow->starved > 0)
+        printf("it waited %u times at gates for more of the program, %.1f s in all\n",
+               follow->starved, follow->starved_s);
 }
 
 char *agent_run_json(const AgentRunReport *report)
