@@ -14,7 +14,9 @@ static bool find_target(AgentLink *link, const char *name, GError **error);
 static void on_status(const FbStatus *status, void *data)
 {
     AgentLink *link = data;
-    link->known = status->state != FB_STATE_UNKNOWN;
+    /* An alarm is known when its text has come, too. */
+    link->known = status->state != FB_STATE_UNKNOWN &&
+                  (status->alarm_code == 0 || status->alarm_text[0] != '\0');
     if (link->status)
         link->status(status, link->data);
 }
