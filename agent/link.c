@@ -14,9 +14,7 @@ static bool find_target(AgentLink *link, const char *name, GError **error);
 static void on_status(const FbStatus *status, void *data)
 {
     AgentLink *link = data;
-    /* An alarm is known when its text has come, too. */
-    link->known = status->state != FB_STATE_UNKNOWN &&
-                  (status->alarm_code == 0 || status->alarm_text[0] != '\0');
+    link->known = status->state != FB_STATE_UNKNOWN;
     if (link->status)
         link->status(status, link->data);
 }
