@@ -122,6 +122,8 @@ static void give_up(FbDelivery *d, FbActions *out)
 static bool show_now(const FbDelivery *d, const FbStatus *before, int64_t now_us)
 {
     const FbStatus *s = &d->status;
+    if (s->alarm_code != 0 && s->alarm_serial != d->alarm_serial)
+        return false; /* with its text, which is read next */
     return d->answered != FB_REQUEST_CHUNK || s->state != before->state ||
            s->transfer != before->transfer || now_us >= d->shown_us + SHOW_US;
 }
