@@ -15,6 +15,7 @@ packages() {
 #: pkg-config                 where libraries are
 #: libglib2.0-dev             errors, containers, options, main loop, child processes, TAP, SHA-256
 #: libjson-glib-dev           reading and building JSON
+#: libgpiod-dev               the operator's panel: GPIO lines
 #: libcairo2-dev              pictures
 #: libmodbus-dev              parsing and answering Modbus
 #: libssl-dev                 TLS, certificates
@@ -29,6 +30,7 @@ packages() {
 #: python3-jsonschema         judge of the JSON files
 #: mbpoll                     judge of the Modbus map
 #: python3-pymodbus           judge of the Modbus map and of the exceptions
+#: python3-serial-asyncio     pymodbus does not begin without it
 #: tshark                     judge of the frames of a delivery
 #: openssl                    judge of TLS
 #: iproute2                   CAN buses

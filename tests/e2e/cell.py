@@ -39,7 +39,7 @@ def program(cuts=3, feed=6000, step_mm=5):
     lines = ["G17 G21 G40 G49 G80 G90 G91.1 G94 G64 P0.01", "T2 M6", "S6000 M3",
              "G53 G0 Z0"]
     for cut in range(cuts):
-        x = -100 - 20 * cut
+        x = -100 - 10 * (cut % 60)
         lines += [f"(REGION {cut + 1} convex tool=2 feed={feed})", f"G53 G0 X{x} Y-100",
                   "G53 G0 Z-100", f"G53 G1 Z-110 F{feed}", f"G53 G1 X{x - step_mm}",
                   f"G53 G1 Y{-100 - step_mm}", "G53 G0 Z0"]
