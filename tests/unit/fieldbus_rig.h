@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* What the fieldbus tests share: the tables of docs/protocol.md, a receiver in any state, programs.
+/* What the fieldbus tests share: the tables of docs/protocol*.md, a receiver in any state,
+ * programs.
  */
 #ifndef TESTS_UNIT_FIELDBUS_RIG_H
 #define TESTS_UNIT_FIELDBUS_RIG_H
@@ -14,10 +15,12 @@
  * that begins with `heading`; fails the test where there is none. */
 static inline GPtrArray *doc_table(const char *heading)
 {
-    g_autofree char *text = NULL;
+    g_autofree char *general = NULL, *can = NULL;
     GPtrArray *rows = g_ptr_array_new_with_free_func((GDestroyNotify)g_strfreev);
-    g_file_get_contents("docs/protocol.md", &text, NULL, NULL);
-    g_auto(GStrv) lines = g_strsplit(text ? text : "", "\n", -1);
+    g_file_get_contents("docs/protocol.md", &general, NULL, NULL);
+    g_file_get_contents("docs/protocol-can.md", &can, NULL, NULL);
+    g_autofree char *text = g_strconcat(general ? general : "", can, NULL);
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
     char **line = lines;
     while (*line && !g_str_has_prefix(*line, heading))
         line++;
