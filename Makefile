@@ -20,7 +20,7 @@ CFLAGS_  = -std=c17 $(WARN) $(COMMON) $(CFLAGS)
 CXXFLAGS_ = -std=c++17 $(WARN) $(COMMON) $(CXXFLAGS)
 
 # What each room may link; the include rules are in tests/rooms.txt.
-PKG      = glib-2.0 gio-2.0 gio-unix-2.0 json-glib-1.0 cairo libmodbus openssl zlib
+PKG      = glib-2.0 gio-2.0 gio-unix-2.0 json-glib-1.0 cairo libmodbus openssl zlib libgpiod
 PKG_CFLAGS := $(shell pkg-config --cflags $(PKG) 2>/dev/null | sed 's/-I/-isystem /g')
 PKG_LIBS   := $(shell pkg-config --libs $(PKG) 2>/dev/null)
 OCC_CFLAGS  = -isystem /usr/include/opencascade

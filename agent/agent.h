@@ -91,7 +91,7 @@ struct AgentCommand {
 };
 
 extern const AgentCommand agent_init, agent_segment, agent_plan, agent_estimate, agent_send,
-    agent_run, agent_restart, agent_status;
+    agent_run, agent_restart, agent_panel, agent_status;
 
 /* The commands that are one command to the machine. */
 typedef enum {

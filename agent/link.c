@@ -36,6 +36,15 @@ static gboolean on_patience_lost(void *data)
     return G_SOURCE_REMOVE;
 }
 
+static bool connect_session(AgentLink *link, GError **error)
+{
+    FbSessionCallbacks callbacks = {on_status, on_done, link};
+    link->session = fb_session_new(&link->target, link->agent, &callbacks, link->context, error);
+    if (link->session)
+        fb_session_set_token(link->session, agent_token());
+    return link->session != NULL;
+}
+
 AgentLink *agent_link_open(const AgentOptions *options, GError **error)
 {
     g_autoptr(AgentLink) link = g_new0(AgentLink, 1);
@@ -43,13 +52,21 @@ AgentLink *agent_link_open(const AgentOptions *options, GError **error)
     link->agent = load_agent(options, error);
     if (!link->agent || !find_target(link, options->to, error))
         return NULL;
-    FbSessionCallbacks callbacks = {on_status, on_done, link};
-    link->session = fb_session_new(&link->target, link->agent, &callbacks, link->context, error);
-    if (!link->session)
+    if (!connect_session(link, error))
         return NULL;
-    fb_session_set_token(link->session, agent_token());
     link->patience = agent_link_timer(link, PATIENCE_S, on_patience_lost, link);
     return g_steal_pointer(&link);
+}
+
+bool agent_link_renew(AgentLink *link, GError **error)
+{
+    g_clear_pointer(&link->session, fb_session_free);
+    link->known = false;
+    for (size_t i = 0; i < FB_N_TASKS; i++) {
+        link->done[i] = false;
+        g_clear_error(&link->error[i]);
+    }
+    return connect_session(link, error);
 }
 
 void agent_link_free(AgentLink *link)

@@ -28,6 +28,10 @@ typedef struct AgentLink {
  * whoever waits is told so on stderr. Errors: AGENT_ERROR_TARGET, CFG_ERROR. */
 AgentLink *agent_link_open(const AgentOptions *options, GError **error);
 
+/* Forgets every task, done or not, and connects anew: what was not sent is never sent. Not from a
+ * callback. */
+bool agent_link_renew(AgentLink *link, GError **error);
+
 /* Gives the lease back, unless a run is on. */
 void agent_link_free(AgentLink *link);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentLink, agent_link_free)

@@ -21,6 +21,7 @@ static const AgentCommand *const commands[] = {
     &agent_controls[AGENT_OVERRIDE],
     &agent_controls[AGENT_OPTIONAL_STOP],
     &agent_restart,
+    &agent_panel,
     &agent_status,
 };
 

@@ -30,6 +30,7 @@ done
 room_of() {
     case $1 in
     segcore/occ/*) echo segcore/occ ;;
+    agent/panel/*) echo agent/panel ;;
     */*) echo "${1%%/*}" ;;
     esac
 }

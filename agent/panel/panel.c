@@ -6,7 +6,7 @@
 static void advance(AgentPanel *p, int64_t at_us, int64_t now_us, AgentPanelActions *out);
 static void take_lines(AgentPanel *p, const AgentPanelEvent *event);
 static void take_edge(AgentPanel *p, const AgentPanelEvent *event);
-static void take_status(AgentPanel *p, const FbStatus *status);
+static void take_status(AgentPanel *p, const FbStatus *status, AgentPanelActions *out);
 static void take_run_ended(AgentPanel *p, bool refused);
 static void ask_hold(AgentPanel *p, int64_t now_us, AgentPanelActions *out);
 static const char *why_not(const AgentPanel *p);
@@ -30,7 +30,7 @@ void agent_panel_step(AgentPanel *p, const AgentPanelEvent *event, int64_t now_u
         take_edge(p, event);
         break;
     case AGENT_PANEL_STATUS:
-        take_status(p, event->status);
+        take_status(p, event->status, out);
         break;
     case AGENT_PANEL_RUN_ENDED:
         take_run_ended(p, event->refused);
@@ -43,8 +43,8 @@ void agent_panel_step(AgentPanel *p, const AgentPanelEvent *event, int64_t now_u
         break;
     }
     ask_hold(p, now_us, out);
-    if (out->hold && out->start) {
-        out->start = p->started = false;
+    if (out->start && (out->hold || out->drop)) {
+        out->start = out->drop = p->started = false;
         out->ignored = why_not(p);
     }
     int64_t lamp_us;
@@ -135,6 +135,7 @@ static void press_start(AgentPanel *p, int64_t at_us, int64_t now_us, AgentPanel
         out->ignored = "it was seen too late: press again";
     } else {
         out->start = p->started = true;
+        p->running = false;
     }
     p->armed = false;
 }
@@ -200,7 +201,17 @@ static void take_edge(AgentPanel *p, const AgentPanelEvent *event)
     }
 }
 
-static void take_status(AgentPanel *p, const FbStatus *status)
+/* A START whose link breaks is not made up for when the link is back: that takes a fresh press. */
+static void watch_start(AgentPanel *p, FbState state, AgentPanelActions *out)
+{
+    if (!p->started || p->running)
+        return;
+    p->running = state != FB_STATE_READY && state != FB_STATE_UNKNOWN;
+    out->drop = state == FB_STATE_UNKNOWN;
+    p->started = !out->drop;
+}
+
+static void take_status(AgentPanel *p, const FbStatus *status, AgentPanelActions *out)
 {
     const bool same = p->epoch == status->epoch && p->transfer == status->transfer &&
                       p->run == status->run && memcmp(p->id, status->id, sizeof p->id) == 0;
@@ -210,6 +221,7 @@ static void take_status(AgentPanel *p, const FbStatus *status)
         p->armed = false;
         p->ready_us = p->at_us;
     }
+    watch_start(p, status->state, out);
     p->ready = ready;
     p->acknowledge = verified && status->needs_acknowledge;
     p->state = status->state;

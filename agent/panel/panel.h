@@ -64,6 +64,7 @@ typedef struct {
 
 typedef struct {
     bool start; /* the verified program of AgentPanel.id */
+    bool drop; /* the link was lost before `start` was seen to be done: it must not be done later */
     bool hold;
     bool lamp;           /* lit */
     int64_t wake_us;     /* TICK then, at the latest */
@@ -91,6 +92,7 @@ typedef struct {
     bool acknowledge;  /* a person has to acknowledge at the machine first */
     bool armed;        /* start was seen released while `ready`: a press counts */
     bool started;      /* a START or the run behind it is on */
+    bool running;      /* and was seen to be so */
     bool hold_pressed; /* and no HOLD has been sent since */
     bool hold_wanted;  /* until the machine stands */
     bool hold_asking;  /* a HOLD is on its way */
