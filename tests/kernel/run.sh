@@ -89,10 +89,16 @@ run_in_kernel() {
     sed -u '/^Warning: tempdir .* is not on tmpfs$/d; /^reboot: System halted\r*$/d' "$dir/err" >&2 &
     cpu=$(taskset -cp $$ | sed 's/.*[^0-9]//') # the last that we may use: pinned is faster
     TMPDIR=$dir watched taskset -c "$cpu" "$kernel" root=/dev/root rootfstype=hostfs rootflags=/ ro \
-        uml_dir="$dir" mem=1G quiet con=null con0=null,fd:1 con1=null,fd:2 console=tty1 "${time[@]}" \
+        uml_dir="$dir" umid=kernel mem=1G quiet con=null con0=null,fd:1 con1=null,fd:2 console=tty1 "${time[@]}" \
         init="$dir/init" RUN="$dir" >"$dir/out" 2>"$dir/err" || status=$?
+    end_remains
     wait # for the last of the output
     return "$status"
+}
+
+# A kernel that was killed leaves its processes, in a session of their own, and its pid.
+end_remains() {
+    [ ! -f "$dir/kernel/pid" ] || kill -KILL -- "-$(<"$dir/kernel/pid")" 2>/dev/null || true
 }
 
 # Runs a command for KERNEL_SECONDS at most; returns its status.
@@ -107,7 +113,10 @@ watched() {
 }
 
 end() {
-    [ -z "${running-}" ] || kill "$running" 2>/dev/null || true
+    if [ -n "${running-}" ]; then
+        kill "$running" 2>/dev/null && wait "$running" || true
+    fi
+    end_remains
     [ -z "${GPIO_SIM_PREFIX-}" ] || remove_lines
     rm -rf "$dir"
 }
