@@ -52,6 +52,8 @@ typedef struct {
     char *config;                                     /* --config */
     char *at;                                         /* --at */
     int feed_percent, rapid_percent, spindle_percent; /* -1: not given */
+    char **host;                                      /* --host, NULL-terminated; NULL: none */
+    int days;                                         /* --days; -1: not given */
     gboolean start;
     gboolean yes;
     gboolean accept_cautions;
@@ -75,6 +77,8 @@ enum {
     AGENT_TAKES_ACCEPT = 1 << 9,
     AGENT_TAKES_PERCENT = 1 << 10, /* at least one of the three */
     AGENT_TAKES_NO_FOLLOW = 1 << 11,
+    AGENT_TAKES_HOST = 1 << 12,
+    AGENT_TAKES_DAYS = 1 << 13,
 };
 
 struct AgentCommand {
@@ -91,7 +95,7 @@ struct AgentCommand {
 };
 
 extern const AgentCommand agent_init, agent_segment, agent_plan, agent_estimate, agent_send,
-    agent_run, agent_restart, agent_panel, agent_status;
+    agent_run, agent_restart, agent_panel, agent_status, agent_pki;
 
 /* The commands that are one command to the machine. */
 typedef enum {

@@ -48,6 +48,14 @@ static void entries_of(const AgentCommand *command, AgentOptions *o,
         {AGENT_TAKES_NO_FOLLOW,
          {"no-follow", 0, 0, G_OPTION_ARG_NONE, &o->no_follow,
           "Return at once instead of watching the run to its end", NULL}},
+        {AGENT_TAKES_HOST,
+         {"host", 0, 0, G_OPTION_ARG_STRING_ARRAY, &o->host,
+          "A name or address by which agents reach the machine; may be repeated (default this "
+          "host)",
+          "NAME"}},
+        {AGENT_TAKES_DAYS,
+         {"days", 0, 0, G_OPTION_ARG_INT, &o->days, "How long they hold, 1 to 36500 (default 825)",
+          "N"}},
         {AGENT_TAKES_CONFIG,
          {"config", 0, 0, G_OPTION_ARG_FILENAME, &o->config, "The agent's configuration", "FILE"}},
         {0,
@@ -115,6 +123,8 @@ static bool check(const AgentCommand *command, int argc, char **argv, const Agen
         return usage(command, error, "--machine is missing");
     if (command->needs & AGENT_TAKES_AT && !options->at)
         return usage(command, error, "--at is missing");
+    if (options->days != NOT_GIVEN && (options->days < 1 || options->days > 36500))
+        return usage(command, error, "--days %d is not within 1 to 36500", options->days);
     return !(command->needs & AGENT_TAKES_PERCENT) || check_percents(command, options, error);
 }
 
@@ -123,6 +133,7 @@ bool agent_options_read(const AgentCommand *command, int argc, char **argv, Agen
 {
     GOptionEntry entries[MAX_ENTRIES];
     options->command = command;
+    options->days = NOT_GIVEN;
     options->feed_percent = options->rapid_percent = options->spindle_percent = NOT_GIVEN;
     entries_of(command, options, entries);
     g_autoptr(GOptionContext) context = g_option_context_new(NULL);
@@ -152,6 +163,7 @@ void agent_options_clear(AgentOptions *options)
     g_free(options->machine);
     g_free(options->config);
     g_free(options->at);
+    g_strfreev(options->host);
     g_free(options->argument);
     *options = (AgentOptions){0};
 }

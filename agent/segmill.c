@@ -23,6 +23,7 @@ static const AgentCommand *const commands[] = {
     &agent_restart,
     &agent_panel,
     &agent_status,
+    &agent_pki,
 };
 
 static bool is_help(const char *name);

@@ -199,6 +199,10 @@ typedef struct {
     double work_offset_mm[6][3]; /* G54 … G59 */
 } FbSetup;
 
+/* Whether a host, a name or an address, is this one: plain Modbus goes elsewhere only where a
+ * person configured it. */
+bool fb_is_loopback(const char *host);
+
 /* --------------------------------------------------------------- machine's side */
 
 typedef struct {

@@ -6,7 +6,6 @@
  */
 #include "fieldbus/session.h"
 
-#include <gio/gio.h>
 #include <string.h>
 
 #include "fieldbus/can/client.h"
@@ -127,34 +126,6 @@ void fb_session_set_token(FbSession *s, uint64_t token)
     fb_delivery_set_token(fb_driver_delivery(s->control), token);
 }
 
-static bool parse_address(const char *address, char **host, uint16_t *port, bool *secure,
-                          GError **error)
-{
-    static const char plain[] = "modbus://", tls[] = "mbaps://";
-    g_autoptr(GSocketConnectable) name = NULL;
-    *secure = g_str_has_prefix(address, tls);
-    if (*secure)
-        name = g_network_address_parse(address + strlen(tls), 802, error);
-    else if (g_str_has_prefix(address, plain))
-        name = g_network_address_parse(address + strlen(plain), 502, error);
-    else
-        g_set_error(error, FB_ERROR, FB_ERROR_UNREACHABLE,
-                    "write modbus://HOST:PORT, mbaps://HOST:PORT or can://INTERFACE");
-    if (!name) {
-        g_prefix_error(error, "%s is not an address of a machine: ", address);
-        return false;
-    }
-    *host = g_strdup(g_network_address_get_hostname(G_NETWORK_ADDRESS(name)));
-    *port = g_network_address_get_port(G_NETWORK_ADDRESS(name));
-    return true;
-}
-
-static bool is_loopback(const char *host)
-{
-    g_autoptr(GInetAddress) address = g_inet_address_new_from_string(host);
-    return address ? g_inet_address_get_is_loopback(address) : strcmp(host, "localhost") == 0;
-}
-
 static FbDelivery *new_delivery(const CfgAgent *agent, uint64_t token)
 {
     const FbDeliveryOptions options = {
@@ -168,27 +139,6 @@ static FbDelivery *new_delivery(const CfgAgent *agent, uint64_t token)
         .drip = agent->drip,
     };
     return fb_delivery_new(&options, g_get_monotonic_time());
-}
-
-static bool attach_modbus(FbDriver *driver, const CfgTarget *target, GError **error)
-{
-    g_autofree char *host = NULL;
-    g_autoptr(FbTls) tls = NULL;
-    uint16_t port;
-    bool secure;
-    if (!parse_address(target->address, &host, &port, &secure, error))
-        return false;
-    if (secure && !(tls = fb_tls_new(&target->tls, false, error)))
-        return false;
-    if (!secure && !target->plain && !is_loopback(host)) {
-        g_set_error(error, FB_ERROR, FB_ERROR_CREDENTIALS,
-                    "%s: plain Modbus beyond this host is open to everybody on the way: use "
-                    "mbaps://, or set plain = true for this machine in the agent's configuration",
-                    target->address);
-        return false;
-    }
-    fb_modbus_client_attach(driver, host, port, target->unit_id, tls);
-    return true;
 }
 
 /* Without its transports. */
@@ -226,7 +176,8 @@ FbSession *fb_session_new(const CfgTarget *target, const CfgAgent *agent,
         return can ? fb_session_new_on_can(target->address, can, agent, callbacks, context) : NULL;
     }
     g_autoptr(FbSession) s = new_session(target->address, agent, callbacks, context);
-    if (!attach_modbus(s->work, target, error) || !attach_modbus(s->control, target, error))
+    if (!fb_modbus_client_attach(s->work, target, error) ||
+        !fb_modbus_client_attach(s->control, target, error))
         return NULL;
     return g_steal_pointer(&s);
 }

@@ -23,7 +23,7 @@ struct SimMachine {
     SimMachineOptions options;
     SimController *controller;
     FbReceiver *receiver;
-    FbModbusServer *server;
+    FbModbusServer *plain, *secure; /* Modbus; NULL: not asked for */
     GSource *clock;
     GTask *examination; /* whose result is wanted; not owned */
     int examinations;   /* under way */
@@ -31,6 +31,8 @@ struct SimMachine {
 };
 
 static void act(FbDo what, void *data);
+static bool listen_on(SimMachine *machine, const SimAddress *at, const CfgTls *tls,
+                      FbModbusServer **server, GError **error);
 static void examine(SimMachine *machine);
 static void step(SimMachine *machine, SimEventKind kind, SimProgram *program);
 static void carry_out(SimMachine *machine, const SimAction *action);
@@ -53,21 +55,29 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
                                   .lease_timeout_us = LEASE_PER_AGENT_TIMEOUT * agent_timeout_us};
     machine->receiver = fb_receiver_new(&receiver);
     machine->clock = clock_new(machine);
-    FbModbusServerOptions server = {
-        .host = options->host, .port = options->port, .unit_id = UNIT_ID};
-    machine->server =
-        fb_modbus_server_new(&server, machine->receiver, act, machine, NULL, error);
-    if (!machine->server)
+    if (!listen_on(machine, &options->plain, NULL, &machine->plain, error) ||
+        !listen_on(machine, &options->secure, &cfg->tls, &machine->secure, error))
         return NULL;
     step(machine, SIM_TICK, NULL);
     return g_steal_pointer(&machine);
+}
+
+static bool listen_on(SimMachine *machine, const SimAddress *at, const CfgTls *tls,
+                      FbModbusServer **server, GError **error)
+{
+    const FbModbusServerOptions options = {
+        .host = at->host, .port = at->port, .unit_id = UNIT_ID, .tls = tls};
+    if (at->host)
+        *server = fb_modbus_server_new(&options, machine->receiver, act, machine, NULL, error);
+    return !at->host || *server;
 }
 
 void sim_machine_free(SimMachine *machine)
 {
     if (!machine)
         return;
-    g_clear_pointer(&machine->server, fb_modbus_server_free);
+    g_clear_pointer(&machine->plain, fb_modbus_server_free);
+    g_clear_pointer(&machine->secure, fb_modbus_server_free);
     machine->examination = NULL;
     while (machine->examinations > 0)
         g_main_context_iteration(NULL, TRUE);
@@ -80,7 +90,12 @@ void sim_machine_free(SimMachine *machine)
 
 uint16_t sim_machine_port(const SimMachine *machine)
 {
-    return fb_modbus_server_port(machine->server);
+    return machine->plain ? fb_modbus_server_port(machine->plain) : 0;
+}
+
+uint16_t sim_machine_tls_port(const SimMachine *machine)
+{
+    return machine->secure ? fb_modbus_server_port(machine->secure) : 0;
 }
 
 void sim_machine_press(SimMachine *machine, SimEventKind button)
@@ -109,8 +124,15 @@ char *sim_machine_summary(const SimMachine *machine)
                                fb_answer_name((FbAnswer)answer), refused[answer]);
         any = true;
     }
-    g_string_append_printf(text, "%s\nModbus exceptions: %" G_GUINT64_FORMAT "\n",
-                           any ? "" : " none", fb_modbus_server_exceptions(machine->server));
+    g_string_append(text, any ? "\n" : " none\n");
+    uint64_t exceptions = machine->plain ? fb_modbus_server_exceptions(machine->plain) : 0;
+    if (machine->secure)
+        exceptions += fb_modbus_server_exceptions(machine->secure);
+    if (machine->plain || machine->secure)
+        g_string_append_printf(text, "Modbus exceptions: %" G_GUINT64_FORMAT "\n", exceptions);
+    if (machine->secure)
+        g_string_append_printf(text, "TLS handshakes refused: %" G_GUINT64_FORMAT "\n",
+                               fb_modbus_server_refused(machine->secure));
     return g_string_free(text, FALSE);
 }
 

@@ -1,17 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The machine as a whole: controller, receiver, Modbus server and log in one main loop. */
+/* The machine as a whole: controller, receiver, servers and log in one main loop. */
 #ifndef SIM_MACHINE_H
 #define SIM_MACHINE_H
 
 #include "sim/controller.h"
 #include "sim/log.h"
 
+/* Where a server listens. */
+typedef struct {
+    char *host;    /* NULL: nowhere */
+    uint16_t port; /* 0: any free one */
+} SimAddress;
+
 typedef struct {
     const CfgMachine *machine;
     const CfgToolTable *tools;
-    const char *host;
-    uint16_t port; /* 0: any free one */
-    double speed;  /* as SimControllerOptions */
+    SimAddress plain;  /* Modbus */
+    SimAddress secure; /* Modbus in TLS, with the machine's `tls` */
+    double speed;      /* as SimControllerOptions */
     uint32_t epoch;
     SimLog *log; /* may be NULL; stays the caller's */
 } SimMachineOptions;
@@ -26,7 +32,9 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error);
 void sim_machine_free(SimMachine *machine);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimMachine, sim_machine_free)
 
+/* What port 0 became; 0 where it does not listen. */
 uint16_t sim_machine_port(const SimMachine *machine);
+uint16_t sim_machine_tls_port(const SimMachine *machine);
 
 /* What a person does at the machine: SIM_ACKNOWLEDGE or SIM_ESTOP. */
 void sim_machine_press(SimMachine *machine, SimEventKind button);

@@ -17,12 +17,13 @@
 
 enum { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_CONFIGURATION = 3 };
 
+#define DEFAULT_ADDRESS "127.0.0.1"
 #define DEFAULT_PORT 1502
+#define DEFAULT_TLS_PORT 1802
 
 typedef struct {
-    char *machine, *modbus, *speed_text, *log;
-    char *host;
-    uint16_t port;
+    char *machine, *modbus, *tls, *speed_text, *log;
+    SimAddress plain, secure;
     double speed;
 } Options;
 
@@ -42,9 +43,11 @@ static void options_clear(Options *options)
 {
     g_free(options->machine);
     g_free(options->modbus);
+    g_free(options->tls);
     g_free(options->speed_text);
     g_free(options->log);
-    g_free(options->host);
+    g_free(options->plain.host);
+    g_free(options->secure.host);
 }
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(Options, options_clear)
 
@@ -77,20 +80,29 @@ static bool parse_speed(Options *options, GError **error)
     return false;
 }
 
-static bool parse_address(Options *options, GError **error)
+static bool parse_address(const char *option, const char *text, uint16_t port, SimAddress *to,
+                          GError **error)
 {
-    const char *text = options->modbus ? options->modbus : "127.0.0.1";
     g_autoptr(GError) cause = NULL;
-    g_autoptr(GSocketConnectable) address = g_network_address_parse(text, DEFAULT_PORT, &cause);
+    g_autoptr(GSocketConnectable) address = g_network_address_parse(text, port, &cause);
     const char *host = address ? g_network_address_get_hostname(G_NETWORK_ADDRESS(address)) : "";
     if (*host == '\0') {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_BAD_VALUE,
-                    "--modbus %s: give HOST:PORT, for example 127.0.0.1:0", text);
+                    "%s %s: give HOST:PORT, for example 127.0.0.1:0", option, text);
         return false;
     }
-    options->host = g_strdup(host);
-    options->port = g_network_address_get_port(G_NETWORK_ADDRESS(address));
+    to->host = g_strdup(host);
+    to->port = g_network_address_get_port(G_NETWORK_ADDRESS(address));
     return true;
+}
+
+/* Plain Modbus on loopback, unless something else was asked for. */
+static bool parse_addresses(Options *options, GError **error)
+{
+    const char *plain = options->modbus || options->tls ? options->modbus : DEFAULT_ADDRESS;
+    return (!plain || parse_address("--modbus", plain, DEFAULT_PORT, &options->plain, error)) &&
+           (!options->tls ||
+            parse_address("--tls", options->tls, DEFAULT_TLS_PORT, &options->secure, error));
 }
 
 static bool parse_options(Options *options, int argc, char **argv, GError **error)
@@ -100,6 +112,9 @@ static bool parse_options(Options *options, int argc, char **argv, GError **erro
          "FILE"},
         {"modbus", 0, 0, G_OPTION_ARG_STRING, &options->modbus,
          "Where to listen; port 0 takes a free one (default 127.0.0.1:1502)", "HOST:PORT"},
+        {"tls", 0, 0, G_OPTION_ARG_STRING, &options->tls,
+         "Where to listen for Modbus in TLS, with the machine's certificate (default port 1802)",
+         "HOST:PORT"},
         {"speed", 0, 0, G_OPTION_ARG_STRING, &options->speed_text,
          "Machine seconds a second, or as fast as it can (default 1)", "N|max"},
         {"log", 0, 0, G_OPTION_ARG_FILENAME, &options->log,
@@ -109,9 +124,10 @@ static bool parse_options(Options *options, int argc, char **argv, GError **erro
     g_autoptr(GOptionContext) context = g_option_context_new("- the virtual CNC");
     g_option_context_add_main_entries(context, entries, NULL);
     g_option_context_set_description(
-        context, "Prints \"modbus HOST:PORT\" when it listens. It is OFF until a person at the\n"
-                 "machine acknowledges: lines on standard input are that person: ack, estop.\n"
-                 "Ends with SIGTERM or SIGINT and a summary.\n");
+        context,
+        "Prints \"modbus HOST:PORT\" and \"mbaps HOST:PORT\" when it listens. It is OFF\n"
+        "until a person at the machine acknowledges: lines on standard input are that person:\n"
+        "ack, estop. Ends with SIGTERM or SIGINT and a summary.\n");
     if (!g_option_context_parse(context, &argc, &argv, error))
         return false;
     if (argc > 1) {
@@ -123,7 +139,7 @@ static bool parse_options(Options *options, int argc, char **argv, GError **erro
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED, "--machine FILE is missing");
         return false;
     }
-    return parse_speed(options, error) && parse_address(options, error);
+    return parse_speed(options, error) && parse_addresses(options, error);
 }
 
 /* ------------------------------------------------------------------------ serving */
@@ -147,6 +163,29 @@ static bool random_epoch(uint32_t *epoch, GError **error)
     return true;
 }
 
+/* Plain Modbus knows nobody. */
+static bool may_listen(const Options *options, const CfgMachine *machine, GError **error)
+{
+    const char *host = options->plain.host;
+    if (!host || fb_is_loopback(host))
+        return true;
+    if (!machine->beyond_loopback) {
+        g_set_error(error, FB_ERROR, FB_ERROR_CREDENTIALS,
+                    "--modbus %s: everybody who reaches it could command this machine: use --tls, "
+                    "or set [modbus] beyond_loopback = true in %s",
+                    options->modbus, options->machine);
+        return false;
+    }
+    g_printerr("vcnc: listening on %s: everybody who reaches it can command this machine\n", host);
+    return true;
+}
+
+static int exit_of(const GError *error)
+{
+    return g_error_matches(error, FB_ERROR, FB_ERROR_CREDENTIALS) ? EXIT_CONFIGURATION
+                                                                  : EXIT_FAILED;
+}
+
 static int serve(const Options *options)
 {
     g_autoptr(GError) error = NULL;
@@ -156,15 +195,17 @@ static int serve(const Options *options)
         return failed(EXIT_CONFIGURATION, error);
     SimMachineOptions how = {.machine = machine,
                              .tools = tools,
-                             .host = options->host,
-                             .port = options->port,
+                             .plain = options->plain,
+                             .secure = options->secure,
                              .speed = options->speed};
+    if (!may_listen(options, machine, &error))
+        return failed(EXIT_CONFIGURATION, error);
     if (!random_epoch(&how.epoch, &error))
         return failed(EXIT_FAILED, error);
     if (options->log && !(how.log = sim_log_open(options->log, &error)))
         return failed(EXIT_FAILED, error);
     SimMachine *served = sim_machine_new(&how, &error);
-    int status = served ? run(served, options) : failed(EXIT_FAILED, error);
+    int status = served ? run(served, options) : failed(exit_of(error), error);
     sim_machine_free(served);
     g_clear_error(&error);
     if (how.log && !sim_log_close(how.log, &error))
@@ -178,10 +219,15 @@ static gboolean quit(void *data)
     return G_SOURCE_CONTINUE;
 }
 
+static void print_address(const char *scheme, const SimAddress *at, uint16_t port)
+{
+    if (at->host)
+        g_print(strchr(at->host, ':') ? "%s [%s]:%u\n" : "%s %s:%u\n", scheme, at->host, port);
+}
+
 static int run(SimMachine *machine, const Options *options)
 {
     g_autoptr(GMainLoop) loop = g_main_loop_new(NULL, FALSE);
-    g_autoptr(GInetAddress) address = g_inet_address_new_from_string(options->host);
     Program program = {.loop = loop, .machine = machine, .input = g_string_new(NULL)};
     g_unix_signal_add(SIGTERM, quit, &program);
     g_unix_signal_add(SIGINT, quit, &program);
@@ -189,12 +235,8 @@ static int run(SimMachine *machine, const Options *options)
     /* In the background of a terminal reading must fail, not stop the machine. */
     signal(SIGTTIN, SIG_IGN);
     g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, operator_input, &program);
-    if (address ? !g_inet_address_get_is_loopback(address)
-                : strcmp(options->host, "localhost") != 0)
-        g_printerr("vcnc: listening on %s: everybody who reaches it can command this machine\n",
-                   options->host);
-    bool ipv6 = strchr(options->host, ':') != NULL;
-    g_print(ipv6 ? "modbus [%s]:%u\n" : "modbus %s:%u\n", options->host, sim_machine_port(machine));
+    print_address("modbus", &options->plain, sim_machine_port(machine));
+    print_address("mbaps", &options->secure, sim_machine_tls_port(machine));
     fflush(stdout);
     g_main_loop_run(loop);
     g_autofree char *summary = sim_machine_summary(machine);

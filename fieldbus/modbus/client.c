@@ -8,6 +8,8 @@
 
 #include "fieldbus/modbus/mbap.h"
 
+enum { PLAIN_PORT = 502, TLS_PORT = 802 };
+
 typedef struct FbModbusClient FbModbusClient;
 
 /* A connect that is on its way; outlives a client that no longer wants it. */
@@ -204,15 +206,54 @@ static void free_client(void *transport)
     g_free(c);
 }
 
-void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, int unit_id,
-                             FbTls *tls)
+bool fb_is_loopback(const char *host)
+{
+    g_autoptr(GInetAddress) address = g_inet_address_new_from_string(host);
+    return address ? g_inet_address_get_is_loopback(address) : strcmp(host, "localhost") == 0;
+}
+
+static bool parse_address(FbModbusClient *c, const char *address, bool *secure, GError **error)
+{
+    static const char plain[] = "modbus://", tls[] = "mbaps://";
+    g_autoptr(GSocketConnectable) name = NULL;
+    *secure = g_str_has_prefix(address, tls);
+    if (*secure)
+        name = g_network_address_parse(address + strlen(tls), TLS_PORT, error);
+    else if (g_str_has_prefix(address, plain))
+        name = g_network_address_parse(address + strlen(plain), PLAIN_PORT, error);
+    else
+        g_set_error(error, FB_ERROR, FB_ERROR_UNREACHABLE,
+                    "write modbus://HOST:PORT, mbaps://HOST:PORT or can://INTERFACE");
+    if (!name) {
+        g_prefix_error(error, "%s is not an address of a machine: ", address);
+        return false;
+    }
+    c->host = g_strdup(g_network_address_get_hostname(G_NETWORK_ADDRESS(name)));
+    c->port = g_network_address_get_port(G_NETWORK_ADDRESS(name));
+    return true;
+}
+
+bool fb_modbus_client_attach(FbDriver *driver, const CfgTarget *target, GError **error)
 {
     static const FbTransport transport = {connect_to, disconnect, send_request, free_client};
     FbModbusClient *c = g_new0(FbModbusClient, 1);
+    bool secure;
     c->driver = driver;
-    c->host = g_strdup(host);
-    c->port = port;
-    c->unit_id = (uint8_t)unit_id;
-    c->tls = tls ? fb_tls_ref(tls) : NULL;
-    fb_driver_set_transport(driver, &transport, c);
+    c->unit_id = (uint8_t)target->unit_id;
+    bool ok = parse_address(c, target->address, &secure, error);
+    if (ok && secure) {
+        c->tls = fb_tls_new(&target->tls, false, error);
+        ok = c->tls != NULL;
+    } else if (ok && !target->plain && !fb_is_loopback(c->host)) {
+        g_set_error(error, FB_ERROR, FB_ERROR_CREDENTIALS,
+                    "%s: plain Modbus beyond this host is open to everybody on the way: use "
+                    "mbaps://, or set plain = true for this machine in the agent's configuration",
+                    target->address);
+        ok = false;
+    }
+    if (ok)
+        fb_driver_set_transport(driver, &transport, c);
+    else
+        free_client(c);
+    return ok;
 }

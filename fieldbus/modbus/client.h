@@ -7,10 +7,9 @@
 #define FIELDBUS_MODBUS_CLIENT_H
 
 #include "fieldbus/driver.h"
-#include "fieldbus/modbus/tls.h"
 
-/* Gives the driver its transport; `tls` NULL: plain. */
-void fb_modbus_client_attach(FbDriver *driver, const char *host, uint16_t port, int unit_id,
-                             FbTls *tls);
+/* Gives the driver its transport, as the target's address and certificate say; false with an error
+ * where fb_session_new refuses them. */
+bool fb_modbus_client_attach(FbDriver *driver, const CfgTarget *target, GError **error);
 
 #endif

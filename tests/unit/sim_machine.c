@@ -60,7 +60,7 @@ static bool cell_init(Cell *cell, double speed, double agent_timeout_s)
     g_assert_no_error(error);
     SimMachineOptions options = {.machine = &cell->rig.machine,
                                  .tools = &cell->rig.table,
-                                 .host = "127.0.0.1",
+                                 .plain = {(char *)"127.0.0.1", 0},
                                  .speed = speed,
                                  .epoch = 7,
                                  .log = cell->log};
