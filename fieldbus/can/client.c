@@ -7,7 +7,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
-enum { CLASSIC, FD, FRAMES, N_FILES, COUNTER_MOST = INT32_MAX };
+enum { CLASSIC, FD, FRAMES, N_FILES };
 
 typedef enum { CLOSED, ASKED, OPEN } Phase; /* ASKED: HELLO was sent, WELCOME has not come */
 
@@ -146,7 +146,7 @@ static void send_request(void *transport, const FbRequest *request)
     bool sent;
     if (c->phase != OPEN)
         return;
-    if (c->counter == COUNTER_MOST) {
+    if (c->counter == FB_CAN_COUNTER_MOST) {
         break_late(c, g_strdup("the channel's counter is used up"));
         return;
     }

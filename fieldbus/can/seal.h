@@ -21,6 +21,8 @@ enum {
     FB_CAN_WELCOME_BYTES = 29 + FB_CAN_MAC_BYTES,
     FB_CAN_FRAME_BYTES = 8, /* STOP, and the machine's beat */
 
+    FB_CAN_COUNTER_MOST = INT32_MAX, /* of messages */
+
     FB_CAN_FLAG_FD = 1,
 
     /* Identifiers, from the base; the agent's number is added to all but the beat's. */

@@ -109,6 +109,10 @@ static Opening *opening_of(FbCanSlave *s, Channel *channel, const FbCanMessage *
         return NULL;
     }
     Opening *opening = &channel->confirmed;
+    if (counter > FB_CAN_COUNTER_MOST) {
+        s->counts.malformed++;
+        return NULL;
+    }
     if (counter <= opening->counter) {
         s->counts.replayed++;
         return NULL;

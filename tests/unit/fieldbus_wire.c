@@ -64,64 +64,6 @@ static FbStatus full_status(void)
     return s;
 }
 
-typedef struct {
-    const char *field;
-    uint64_t value;
-} Expected;
-
-static uint64_t number_at(const uint8_t *bytes, guint n)
-{
-    uint64_t v = 0;
-    for (guint i = 0; i < n; i++)
-        v = v << 8 | bytes[i];
-    return v;
-}
-
-static const Expected *find(const Expected *fields, const char *field)
-{
-    while (fields->field && strcmp(fields->field, field) != 0)
-        fields++;
-    return fields->field ? fields : NULL;
-}
-
-/* Each row of a table "position | type | field" against the bytes; `unit` bytes a position. */
-static void check_layout(const char *heading, const uint8_t *bytes, guint first, guint unit,
-                         const Expected *fields)
-{
-    g_autoptr(GPtrArray) rows = doc_table(heading);
-    guint checked = 0, known = 0;
-    while (fields[known].field)
-        known++;
-    for (guint i = 1; i < rows->len; i++) {
-        const guint at = (guint)(atoi(doc_cell(rows, i, 0)) - (int)first) * unit;
-        const char *type = doc_cell(rows, i, 1), *field = doc_cell(rows, i, 2);
-        const Expected *e = find(fields, field);
-        if (!e)
-            continue;
-        checked++;
-        const guint n = g_str_has_prefix(type, "bytes") ? 4 : (guint)atoi(type + 1) / 8;
-        const uint64_t mask = n == 8 ? UINT64_MAX : (UINT64_C(1) << 8 * n) - 1;
-        if (number_at(bytes + at, n) != (e->value & mask)) {
-            g_test_message("%s at %s", field, doc_cell(rows, i, 0));
-            g_assert_cmphex(number_at(bytes + at, n), ==, e->value & mask);
-        }
-    }
-    g_assert_cmpuint(checked, ==, known);
-}
-
-/* No row of the table is forgotten here, but what is reserved. */
-static void check_all_named(const char *heading, const Expected *fields)
-{
-    g_autoptr(GPtrArray) rows = doc_table(heading);
-    for (guint i = 1; i < rows->len; i++) {
-        const char *field = doc_cell(rows, i, 2);
-        if (strcmp(field, "reserved") != 0 && !find(fields, field)) {
-            g_test_message("%s %s is not tested", heading, field);
-            g_test_fail();
-        }
-    }
-}
-
 static void status_as_documented(void)
 {
     const FbStatus s = full_status();
