@@ -33,6 +33,14 @@ const char *bus_fault_name(FaultKind kind)
     return names[kind];
 }
 
+const char *bus_setup_name(const BusSetup *setup)
+{
+    static const char *const names[BUS_N_CARRIERS][BUS_N_MODES] = {
+        {"Modbus, stored", "Modbus, dripping", "Modbus, restart"},
+        {"CAN, stored", "CAN, dripping", "CAN, restart"}};
+    return names[setup->carrier][setup->mode];
+}
+
 static const Fault *fault_at(const Bus *b, unsigned agent, unsigned ordinal)
 {
     static const Fault none = {FAULT_NONE, 0, 0, 0};
@@ -133,6 +141,7 @@ static void send_request(Bus *b, unsigned agent, const FbRequest *request)
     memcpy(bytes, request->bytes, request->n);
     a->flights[a->n_flights++ % FB_WINDOW_MOST] = f.transaction;
     g_assert(a->n_flights <= FB_WINDOW_MOST);
+    a->most_flights = MAX(a->most_flights, a->n_flights);
     if (spoil_request(b, fault, &f, bytes, request->n))
         return;
     post(b, f, bytes, request->n, LATENCY_US);
@@ -313,9 +322,7 @@ static void new_agent(Bus *b, unsigned agent)
     a->wake_us = b->now_us;
     a->connection++;
     a->connect_us = INT64_MAX;
-    a->cut = a->killed = false;
-    memset(a->ended, 0, sizeof a->ended);
-    g_clear_error(&a->error);
+    a->cut = a->killed = false; /* what a person was told before stays told */
 }
 
 static void begin(Bus *b, unsigned agent, FbTask task)
@@ -328,9 +335,9 @@ static void begin(Bus *b, unsigned agent, FbTask task)
 
 void bus_deliver(Bus *b)
 {
-    g_autoptr(GBytes) program = bus_program();
     begin(b, BUS_WORK, FB_TASK_DELIVER);
-    fb_delivery_deliver(b->agents[BUS_WORK].delivery, program, bus_gates(), BUS_GATES, b->now_us);
+    fb_delivery_deliver(b->agents[BUS_WORK].delivery, bus_program(), bus_gates(), BUS_GATES,
+                        b->now_us);
 }
 
 void bus_start(Bus *b)

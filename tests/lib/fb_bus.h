@@ -26,6 +26,8 @@ typedef struct {
     uint16_t chunk_max;
 } BusSetup;
 
+const char *bus_setup_name(const BusSetup *setup); /* "Modbus, dripping" */
+
 typedef enum {
     FAULT_NONE,
     FAULT_REQUEST_LOST,
@@ -65,7 +67,7 @@ typedef struct {
     unsigned connection, lives; /* lives: from 1 */
     unsigned frames;            /* of all lives */
     uint32_t transaction, flights[FB_WINDOW_MOST];
-    unsigned n_flights;
+    unsigned n_flights, most_flights;
     bool cut, killed; /* what the agent is not told yet, or will never be */
     bool ended[FB_N_TASKS];
     GError *error; /* of the last task */
@@ -97,7 +99,7 @@ typedef struct {
 
 /* The program that the bus delivers, and its gates. */
 enum { BUS_GATES = 4, BUS_LINES = 40 };
-GBytes *bus_program(void); /* the caller's reference */
+GBytes *bus_program(void);
 const uint64_t *bus_gates(void);
 
 /* A machine that is IDLE; for BUS_RESTART it holds the program, READY. The first frame that the
