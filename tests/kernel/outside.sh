@@ -1,3 +1,4 @@
+#!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # run.sh as its callers see it: TAP, not run inside.
 # shellcheck source=tests/e2e/tap.bash

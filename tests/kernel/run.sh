@@ -44,7 +44,7 @@ main() {
 
 take_defaults() { # take_defaults SCRIPT
     local name value
-    while IFS== read -r name value; do
+    while IFS='=' read -r name value; do
         [ -n "${!name-}" ] || declare -gx "$name=$value"
     done < <(sed -n 's/^# \(KERNEL_[A-Z]*=[a-z0-9]*\)$/\1/p' "$1")
 }
@@ -66,6 +66,10 @@ run_on_host() {
 # The host's root is read-only inside, except for $WORK; TMPDIR is in memory.
 run_in_kernel() {
     local kernel cpu status=0 time=()
+    if [ ! -x "$BUILD/kernel/poweroff" ]; then
+        echo "run.sh: no $BUILD/kernel/poweroff: make BUILD=$BUILD $BUILD/kernel/poweroff" >&2
+        exit 2
+    fi
     kernel=$("$here/build.sh")
     case ${KERNEL_TIME-} in
     '') ;;
@@ -89,7 +93,8 @@ run_in_kernel() {
     sed -u '/^Warning: tempdir .* is not on tmpfs$/d; /^reboot: System halted\r*$/d' "$dir/err" >&2 &
     cpu=$(taskset -cp $$ | sed 's/.*[^0-9]//') # the last that we may use: pinned is faster
     TMPDIR=$dir watched taskset -c "$cpu" "$kernel" root=/dev/root rootfstype=hostfs rootflags=/ ro \
-        uml_dir="$dir" umid=kernel mem=1G quiet con=null con0=null,fd:1 con1=null,fd:2 console=tty1 "${time[@]}" \
+        uml_dir="$dir" umid=kernel mem=1G "${time[@]}" \
+        con=null con0=null,fd:1 con1=null,fd:2 console=tty1 quiet \
         init="$dir/init" RUN="$dir" >"$dir/out" 2>"$dir/err" || status=$?
     end_remains
     wait # for the last of the output
@@ -114,7 +119,8 @@ watched() {
 
 end() {
     if [ -n "${running-}" ]; then
-        kill "$running" 2>/dev/null && wait "$running" || true
+        kill "$running" 2>/dev/null || true
+        wait "$running" || true
     fi
     end_remains
     [ -z "${GPIO_SIM_PREFIX-}" ] || remove_lines

@@ -1,3 +1,4 @@
+#!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # The kernel itself: what the other scripts here stand on is really there.
 # shellcheck source=tests/kernel/setup.bash
