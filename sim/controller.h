@@ -5,10 +5,15 @@
  *
  * The program's clock counts the machine's own seconds since START. It advances `speed` times as
  * fast as the clock passed in (or as fast as it is stepped, speed = INFINITY), and stands while the
- * machine waits for a person (HELD, PROGRAM_STOP). Programs are examined from the place where the
- * machine changes tools: there it stands at power-up, and from elsewhere START sends it back there
- * first. Block times come from the plan and from exactly
- * solved ramps (sim/ramp.h), never from summed steps, so they are the same at every speed.
+ * machine waits: for a person (HELD, PROGRAM_STOP, an override of 0), for the next pass of a
+ * program that drips, for a plan. Programs are examined from the place where the machine changes
+ * tools: there it stands at power-up, and from elsewhere START sends it back there first. Block
+ * times come from the plan and from exactly solved ramps (sim/ramp.h), never from summed steps, so
+ * they are the same at every speed.
+ *
+ * Overrides: whoever steps the controller asks for sim_controller_unplanned after each step, plans
+ * that program anew, in a thread if it is long, and brings the plan as SIM_PLAN. A run goes on by
+ * the old plan until then; out of rest it waits for the new one.
  */
 #ifndef SIM_CONTROLLER_H
 #define SIM_CONTROLLER_H
@@ -23,27 +28,41 @@ typedef struct {
 } SimControllerOptions;
 
 typedef enum {
-    SIM_TICK,         /* only the clock */
-    SIM_LOAD,         /* a verified program, ready to start */
-    SIM_FORGET,       /* drop it */
-    SIM_START,        /* from its first block, READY or COMPLETE */
-    SIM_HOLD,         /* brake on the path; a tool change is finished first */
-    SIM_HOLD_AT_GATE, /* come to rest exactly at the next gate that can be reached */
-    SIM_RESUME,       /* after a hold or a program stop; takes a gate hold back, too */
-    SIM_ABORT,        /* brake and end the run */
-    SIM_ESTOP,        /* the button: brake, end the run, and stay stopped */
-    SIM_ACKNOWLEDGE,  /* by a person at the machine: the button is released, the alarm read */
+    SIM_TICK,          /* only the clock */
+    SIM_LOAD,          /* a verified program, ready to start */
+    SIM_PASS,          /* of a program that drips: the next one */
+    SIM_FORGET,        /* drop it */
+    SIM_START,         /* from its first block, READY or COMPLETE */
+    SIM_RESTART,       /* the same from a gate of a stored program */
+    SIM_HOLD,          /* brake on the path; a tool change is finished first */
+    SIM_HOLD_AT_GATE,  /* come to rest exactly at the next gate that can be reached */
+    SIM_RESUME,        /* after a hold or a program stop; takes a gate hold back, too */
+    SIM_ABORT,         /* brake and end the run */
+    SIM_ESTOP,         /* the button: brake, end the run, and stay stopped */
+    SIM_OVERRIDE,      /* feed, rapids, spindle */
+    SIM_PLAN,          /* what sim_controller_unplanned asked for */
+    SIM_OPTIONAL_STOP, /* the switch that M1 asks for */
+    SIM_ACKNOWLEDGE,   /* by a person at the machine: the button is released, the alarm read */
 } SimEventKind;
 
 typedef struct {
     SimEventKind kind;
-    SimProgram *program; /* SIM_LOAD: the controller takes it over */
+    /* LOAD, taken over: NULL for a program that drips. PASS, taken over: NULL where the machine
+     * cannot execute it; then the run ends with an alarm at the gate before it. PLAN: whose plan.
+     */
+    SimProgram *program;
+    SimPlan *plan;       /* PLAN; taken over */
+    size_t gate;         /* RESTART; from 1 */
+    NcOverride override; /* OVERRIDE */
+    bool on;             /* OPTIONAL_STOP */
 } SimEvent;
 
 typedef enum {
-    SIM_STATE, /* the state changed */
-    SIM_TELL,  /* the receiver has to hear of an event */
-    SIM_BLOCK, /* a block has been executed */
+    SIM_STATE,     /* the state changed */
+    SIM_TELL,      /* the receiver has to hear of an event */
+    SIM_BLOCK,     /* a block has been executed */
+    SIM_WAY,       /* a move of the way to where the program begins or goes on */
+    SIM_OVERRIDES, /* a run goes on by a plan with these */
 } SimActionKind;
 
 /* A block is a line of the program with at least one action. */
@@ -53,19 +72,22 @@ typedef struct {
     double start_s, end_s;
     SegVec3 position_mm;
     double feed_mm_min; /* programmed; 0 where nothing is fed */
+    int tool;           /* in the spindle at its end */
+    double spindle_rpm; /* reached at its end */
 } SimBlock;
 
 typedef struct {
     SimActionKind kind;
     FbState state;        /* SIM_STATE */
     FbMachineEvent event; /* SIM_TELL */
-    SimBlock block;       /* SIM_BLOCK */
+    SimBlock block;       /* SIM_BLOCK; SIM_WAY, where line is 0 */
+    NcOverride override;  /* SIM_OVERRIDES */
     double time_s;        /* of the program's clock */
 } SimAction;
 
 /* Runs since the machine was switched on. */
 typedef struct {
-    uint32_t started, completed, aborted, stopped; /* stopped: by e-stop */
+    uint32_t started, completed, aborted, stopped; /* stopped: by e-stop or alarm */
     double machine_s;                              /* the program's clock, summed */
 } SimTotals;
 
@@ -80,8 +102,12 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimController, sim_controller_free)
 void sim_controller_step(SimController *controller, const SimEvent *event, int64_t now_us,
                          GArray *actions);
 
-/* Whether the program's clock runs: then it wants ticks. */
+/* Whether the program's clock runs: then it wants ticks. Starving it does not, but what is shown
+ * grows older. */
 bool sim_controller_moving(const SimController *controller);
+
+/* A program whose plan has other overrides than are in force; NULL: none. The controller's. */
+SimProgram *sim_controller_unplanned(const SimController *controller, NcOverride *override);
 FbState sim_controller_state(const SimController *controller);
 
 /* What the machine shows now. Position is that of the gauge point, machine coordinates. */

@@ -13,6 +13,7 @@ struct SimLog {
 };
 
 static const char *kind_name(NcMoveKind kind);
+static void append_course(GString *line, const SimBlock *block);
 static void append_string(GString *line, const char *text);
 static void write_line(SimLog *log, bool flush);
 
@@ -72,18 +73,56 @@ void sim_log_state(SimLog *log, FbState state, double time_s)
 
 void sim_log_block(SimLog *log, const SimBlock *block)
 {
-    GString *line = log->line;
-    const double numbers[] = {block->start_s,       block->end_s,         block->position_mm.x,
-                              block->position_mm.y, block->position_mm.z, block->feed_mm_min};
-    static const char *const before[] = {
-        "\"start_s\":", ",\"end_s\":", ",\"position_mm\":[", ",", ",", "],\"feed_mm_min\":"};
-    g_string_printf(line, "{\"line\":%u,\"kind\":\"%s\",", block->line, kind_name(block->kind));
+    g_string_printf(log->line, "{\"line\":%u,\"kind\":\"%s\",", block->line,
+                    kind_name(block->kind));
+    append_course(log->line, block);
+    g_string_append(log->line, ",\"feed_mm_min\":");
+    cfg_number_append(log->line, block->feed_mm_min);
+    g_string_append_c(log->line, '}');
+    write_line(log, false);
+}
+
+void sim_log_way(SimLog *log, const SimBlock *move)
+{
+    g_string_printf(log->line, "{\"way\":\"%s\",", kind_name(move->kind));
+    append_course(log->line, move);
+    g_string_append_printf(log->line, ",\"tool\":%d,\"spindle_rpm\":", move->tool);
+    cfg_number_append(log->line, move->spindle_rpm);
+    g_string_append_c(log->line, '}');
+    write_line(log, false);
+}
+
+void sim_log_override(SimLog *log, NcOverride override, double time_s)
+{
+    g_string_printf(log->line,
+                    "{\"override\":{\"feed\":%d,\"rapid\":%d,\"spindle\":%d},\"time_s\":",
+                    override.feed, override.rapid, override.spindle);
+    cfg_number_append(log->line, time_s);
+    g_string_append_c(log->line, '}');
+    write_line(log, true);
+}
+
+void sim_log_passes(SimLog *log, const uint8_t id[32], uint32_t n_passes)
+{
+    g_string_assign(log->line, "{\"program\":\"");
+    for (int i = 0; i < 32; i++)
+        g_string_append_printf(log->line, "%02x", id[i]);
+    g_string_append_printf(log->line, "\",\"passes\":%u}", n_passes);
+    write_line(log, true);
+}
+
+/* From when to when, and where it ended. */
+static void append_course(GString *line, const SimBlock *block)
+{
+    const double numbers[] = {block->start_s, block->end_s, block->position_mm.x,
+                              block->position_mm.y, block->position_mm.z};
+    static const char *const before[] = {"\"start_s\":", ",\"end_s\":", ",\"position_mm\":[", ",",
+                                         ","};
     for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++) {
         g_string_append(line, before[i]);
         cfg_number_append(line, numbers[i]);
     }
-    g_string_append_c(line, '}');
-    write_line(log, false);
+    g_string_append_c(line, ']');
 }
 
 static const char *kind_name(NcMoveKind kind)

@@ -21,4 +21,11 @@ void sim_log_refused(SimLog *log, uint16_t code, const char *text);
 void sim_log_state(SimLog *log, FbState state, double time_s);
 void sim_log_block(SimLog *log, const SimBlock *block);
 
+/* A program that drips: its SHA-256 as announced, and how many passes it has. */
+void sim_log_passes(SimLog *log, const uint8_t id[32], uint32_t n_passes);
+
+/* A move of the way to the program. */
+void sim_log_way(SimLog *log, const SimBlock *move);
+void sim_log_override(SimLog *log, NcOverride override, double time_s);
+
 #endif

@@ -6,9 +6,12 @@
 #include <string.h>
 
 #include "sim/alarm.h"
+#include "sim/feed.h"
+#include "sim/setup.h"
 
-/* How often the clock is looked at while a program runs. */
+/* How often the clock is looked at while a program runs, and while it waits for bytes. */
 #define TICK_US 5000
+#define STARVING_TICK_US 100000
 
 /* A step that executes this many blocks and logs them takes some milliseconds: that is how long a
  * request may wait at --speed max. */
@@ -25,18 +28,27 @@ struct SimMachine {
     FbReceiver *receiver;
     FbModbusServer *plain, *secure; /* Modbus; NULL: not asked for */
     GSource *clock;
-    GTask *examination; /* whose result is wanted; not owned */
-    int examinations;   /* under way */
-    unsigned refused;   /* programs, at VERIFY */
+    SimFeed *feed;
+    bool verifying;   /* what is being examined is the answer to VERIFY */
+    size_t n_fed;     /* passes given to `feed` */
+    unsigned refused; /* programs, at VERIFY and while they dripped */
+    FbAlarm fault;    /* why a pass cannot be executed; code 0: all can. Its text is: */
+    char fault_text[FB_TEXT_BYTES];
 };
 
 static void act(FbDo what, void *data);
 static bool listen_on(SimMachine *machine, const SimAddress *at, const CfgTls *tls,
                       FbModbusServer **server, GError **error);
 static void examine(SimMachine *machine);
-static void step(SimMachine *machine, SimEventKind kind, SimProgram *program);
+static void feed_more(SimMachine *machine);
+static void examined(GPtrArray *programs, const GError *error, void *data);
+static void planned(SimProgram *program, SimPlan *plan, void *data);
+static NcOverride override_in_force(const SimMachine *machine);
+static void step(SimMachine *machine, SimEvent event);
+static void step_by(SimMachine *machine, SimEventKind kind);
 static void carry_out(SimMachine *machine, const SimAction *action);
 static void tell(SimMachine *machine, FbMachineEvent event, const FbAlarm *alarm);
+static void publish_setup(SimMachine *machine, int work_offset);
 static GSource *clock_new(SimMachine *machine);
 
 SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
@@ -54,11 +66,18 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
                                   .agent_timeout_us = agent_timeout_us,
                                   .lease_timeout_us = LEASE_PER_AGENT_TIMEOUT * agent_timeout_us};
     machine->receiver = fb_receiver_new(&receiver);
+    SimFeedCallbacks feed = {.examined = examined, .planned = planned, .data = machine};
+    machine->feed = sim_feed_new(cfg, options->tools, &feed);
+    publish_setup(machine, 54);
+    if (options->tools->n_tools > FB_TOOLS_MOST)
+        g_printerr("vcnc: the tool table has %zu tools: the %d with the lowest numbers are "
+                   "published, programs may use all\n",
+                   options->tools->n_tools, FB_TOOLS_MOST);
     machine->clock = clock_new(machine);
     if (!listen_on(machine, &options->plain, NULL, &machine->plain, error) ||
         !listen_on(machine, &options->secure, &cfg->tls, &machine->secure, error))
         return NULL;
-    step(machine, SIM_TICK, NULL);
+    step_by(machine, SIM_TICK);
     return g_steal_pointer(&machine);
 }
 
@@ -78,9 +97,7 @@ void sim_machine_free(SimMachine *machine)
         return;
     g_clear_pointer(&machine->plain, fb_modbus_server_free);
     g_clear_pointer(&machine->secure, fb_modbus_server_free);
-    machine->examination = NULL;
-    while (machine->examinations > 0)
-        g_main_context_iteration(NULL, TRUE);
+    sim_feed_free(machine->feed);
     g_source_destroy(machine->clock);
     g_source_unref(machine->clock);
     fb_receiver_free(machine->receiver);
@@ -100,7 +117,7 @@ uint16_t sim_machine_tls_port(const SimMachine *machine)
 
 void sim_machine_press(SimMachine *machine, SimEventKind button)
 {
-    step(machine, button, NULL);
+    step_by(machine, button);
 }
 
 char *sim_machine_summary(const SimMachine *machine)
@@ -110,8 +127,8 @@ char *sim_machine_summary(const SimMachine *machine)
     const uint64_t *refused = fb_receiver_counts(machine->receiver);
     GString *text = g_string_new(NULL);
     g_string_append_printf(text,
-                           "programs: %u started, %u completed, %u aborted, %u ended by e-stop, "
-                           "%u refused at VERIFY\n"
+                           "programs: %u started, %u completed, %u aborted, %u ended by e-stop or "
+                           "alarm, %u refused at VERIFY\n"
                            "blocks executed: %" G_GUINT64_FORMAT "\nmachine time: %.3f s\n",
                            totals.started, totals.completed, totals.aborted, totals.stopped,
                            machine->refused, progress.executed_blocks, totals.machine_s);
@@ -144,61 +161,78 @@ static void act(FbDo what, void *data)
         examine(machine);
         break;
     case FB_DO_START:
-        step(machine, SIM_START, NULL);
-        break;
-    case FB_DO_HOLD:
-        step(machine, SIM_HOLD, NULL);
-        break;
-    case FB_DO_HOLD_AT_GATE:
-        step(machine, SIM_HOLD_AT_GATE, NULL);
-        break;
-    case FB_DO_RESUME:
-        step(machine, SIM_RESUME, NULL);
-        break;
-    case FB_DO_ABORT:
-        step(machine, SIM_ABORT, NULL);
+        step_by(machine, SIM_START);
         break;
     case FB_DO_RESTART:
+        step(machine,
+             (SimEvent){.kind = SIM_RESTART, .gate = fb_receiver_restart_gate(machine->receiver)});
+        break;
     case FB_DO_PASS:
+        feed_more(machine);
+        break;
+    case FB_DO_HOLD:
+        step_by(machine, SIM_HOLD);
+        break;
+    case FB_DO_HOLD_AT_GATE:
+        step_by(machine, SIM_HOLD_AT_GATE);
+        break;
+    case FB_DO_RESUME:
+        step_by(machine, SIM_RESUME);
+        break;
+    case FB_DO_ABORT:
+        step_by(machine, SIM_ABORT);
+        break;
     case FB_DO_OVERRIDE:
+        step(machine, (SimEvent){.kind = SIM_OVERRIDE, .override = override_in_force(machine)});
+        break;
     case FB_DO_OPTIONAL_STOP:
+        step(machine, (SimEvent){.kind = SIM_OPTIONAL_STOP,
+                                 .on = fb_receiver_overrides(machine->receiver).optional_stop});
         break;
     case FB_DO_FORGET:
-        machine->examination = NULL;
-        step(machine, SIM_FORGET, NULL);
+        machine->verifying = false;
+        sim_feed_begin(machine->feed);
+        step_by(machine, SIM_FORGET);
         break;
     }
 }
 
-/* -------------------------------------------------------------------- examination */
-
-typedef struct {
-    GBytes *bytes;
-    uint64_t *gates;
-    size_t n_gates;
-    const CfgMachine *machine;
-    const CfgToolTable *tools;
-} Examination;
-
-static void examination_free(void *data)
+static NcOverride override_in_force(const SimMachine *machine)
 {
-    Examination *examination = data;
-    g_bytes_unref(examination->bytes);
-    g_free(examination->gates);
-    g_free(examination);
+    FbArguments o = fb_receiver_overrides(machine->receiver);
+    return (NcOverride){o.feed_percent, o.rapid_percent, o.spindle_percent};
 }
 
-static void examine_in_thread(GTask *task, void *source, void *data, GCancellable *cancellable)
+/* -------------------------------------------------------------------- examination */
+
+static void examine(SimMachine *machine)
 {
-    (void)source, (void)cancellable;
-    const Examination *e = data;
-    GError *error = NULL;
-    SimProgram *program =
-        sim_program_new(e->bytes, e->gates, e->n_gates, e->machine, e->tools, &error);
-    if (program)
-        g_task_return_pointer(task, program, (GDestroyNotify)sim_program_free);
-    else
-        g_task_return_error(task, error);
+    sim_feed_begin(machine->feed);
+    machine->verifying = true;
+    machine->n_fed = 0;
+    machine->fault.code = 0;
+    if (fb_receiver_drips(machine->receiver)) {
+        feed_more(machine);
+        return;
+    }
+    size_t n;
+    const uint64_t *gates = fb_receiver_gates(machine->receiver, &n);
+    sim_feed_program(machine->feed, fb_receiver_program(machine->receiver), gates, n,
+                     override_in_force(machine));
+}
+
+/* Has the passes examined that were released since. */
+static void feed_more(SimMachine *machine)
+{
+    const size_t released = fb_receiver_released(machine->receiver);
+    if (sim_feed_busy(machine->feed) || machine->fault.code != 0 || machine->n_fed >= released)
+        return;
+    size_t n;
+    fb_receiver_gates(machine->receiver, &n);
+    GPtrArray *passes = g_ptr_array_new_with_free_func((GDestroyNotify)g_bytes_unref);
+    for (; machine->n_fed < released; machine->n_fed++)
+        g_ptr_array_add(passes, fb_receiver_pass(machine->receiver, machine->n_fed));
+    sim_feed_passes(machine->feed, passes, released == n, override_in_force(machine));
 }
 
 /* An alarm's text on the wire, cut between characters where it is too long. */
@@ -216,70 +250,92 @@ static void fit_text(const char *text, char fitted[FB_TEXT_BYTES])
     }
 }
 
+/* Keeps why, for an alarm, now or when the gate before is reached. */
 static void refuse(SimMachine *machine, const GError *error)
 {
-    char text[FB_TEXT_BYTES];
-    fit_text(error->message, text);
     SimAlarm code = (SimAlarm)error->code;
-    FbAlarm alarm = {.code = (uint16_t)code, .text = text, .advice = sim_alarm_advice(code)};
+    fit_text(error->message, machine->fault_text);
+    machine->fault = (FbAlarm){
+        .code = (uint16_t)code, .text = machine->fault_text, .advice = sim_alarm_advice(code)};
     machine->refused++;
-    g_printerr("vcnc: alarm %u: %s\n", alarm.code, error->message);
+    g_printerr("vcnc: alarm %u: %s\n", machine->fault.code, error->message);
     if (machine->options.log)
-        sim_log_refused(machine->options.log, alarm.code, error->message);
-    tell(machine, FB_MACHINE_REFUSED, &alarm);
+        sim_log_refused(machine->options.log, machine->fault.code, error->message);
 }
 
-static void examined(GObject *source, GAsyncResult *result, void *data)
+/* The answer to VERIFY. */
+static void load(SimMachine *machine, GPtrArray *programs)
 {
-    (void)source;
+    SimLog *log = machine->options.log;
+    const bool drips = fb_receiver_drips(machine->receiver);
+    if (log && drips) {
+        FbStatus status;
+        fb_receiver_status(machine->receiver, g_get_monotonic_time(), &status);
+        sim_log_passes(log, status.id, status.gates);
+    } else if (log) {
+        sim_log_program(log, g_ptr_array_index(programs, 0));
+    }
+    SimProgram *whole = drips ? NULL : sim_program_ref(g_ptr_array_index(programs, 0));
+    step(machine, (SimEvent){.kind = SIM_LOAD, .program = whole});
+}
+
+static void examined(GPtrArray *programs, const GError *error, void *data)
+{
     SimMachine *machine = data;
-    g_autoptr(GError) error = NULL;
-    g_autoptr(SimProgram) program = g_task_propagate_pointer(G_TASK(result), &error);
-    machine->examinations--;
-    if (machine->examination != G_TASK(result))
-        return;
-    machine->examination = NULL;
-    if (!program) {
+    const bool verifying = machine->verifying;
+    machine->verifying = false;
+    if (error)
         refuse(machine, error);
+    if (verifying && error) {
+        tell(machine, FB_MACHINE_REFUSED, &machine->fault);
         return;
     }
-    if (machine->options.log)
-        sim_log_program(machine->options.log, program);
-    step(machine, SIM_LOAD, g_steal_pointer(&program));
+    if (verifying)
+        load(machine, programs);
+    if (!fb_receiver_drips(machine->receiver))
+        return;
+    for (guint i = 0; i < programs->len; i++)
+        step(machine, (SimEvent){.kind = SIM_PASS,
+                                 .program = sim_program_ref(g_ptr_array_index(programs, i))});
+    if (error)
+        step_by(machine, SIM_PASS);
+    feed_more(machine);
 }
 
-/* Reading and planning a long program takes seconds; the link must not wait for it. */
-static void examine(SimMachine *machine)
+static void planned(SimProgram *program, SimPlan *plan, void *data)
 {
-    Examination *examination = g_new0(Examination, 1);
-    const uint64_t *gates = fb_receiver_gates(machine->receiver, &examination->n_gates);
-    examination->bytes = g_bytes_ref(fb_receiver_program(machine->receiver));
-    examination->gates = g_memdup2(gates, examination->n_gates * sizeof *gates);
-    examination->machine = machine->options.machine;
-    examination->tools = machine->options.tools;
-    g_autoptr(GTask) task = g_task_new(NULL, NULL, examined, machine);
-    g_task_set_task_data(task, examination, examination_free);
-    machine->examination = task;
-    machine->examinations++;
-    g_task_run_in_thread(task, examine_in_thread);
+    step(data, (SimEvent){.kind = SIM_PLAN, .program = program, .plan = plan});
 }
 
 /* -------------------------------------------------------------------------- steps */
 
-static void step(SimMachine *machine, SimEventKind kind, SimProgram *program)
+static void step(SimMachine *machine, SimEvent event)
 {
     g_autoptr(GArray) actions = g_array_new(FALSE, FALSE, sizeof(SimAction));
-    SimEvent event = {.kind = kind, .program = program};
-    if (kind == SIM_ESTOP)
-        machine->examination = NULL;
+    if (event.kind == SIM_ESTOP && machine->verifying) {
+        machine->verifying = false;
+        sim_feed_begin(machine->feed);
+    }
     sim_controller_step(machine->controller, &event, g_get_monotonic_time(), actions);
     FbProgress progress = sim_controller_progress(machine->controller);
     fb_receiver_progress(machine->receiver, &progress);
+    if (progress.work_offset != fb_receiver_setup(machine->receiver)->work_offset)
+        publish_setup(machine, progress.work_offset);
+    NcOverride override;
+    SimProgram *unplanned = sim_controller_unplanned(machine->controller, &override);
+    if (unplanned)
+        sim_feed_plan(machine->feed, unplanned, override);
     bool moving = sim_controller_moving(machine->controller);
-    int64_t pause_us = isfinite(machine->options.speed) ? TICK_US : 0;
-    g_source_set_ready_time(machine->clock, moving ? g_get_monotonic_time() + pause_us : -1);
+    int64_t pause_us = !moving ? STARVING_TICK_US : isfinite(machine->options.speed) ? TICK_US : 0;
+    g_source_set_ready_time(machine->clock,
+                            moving || progress.starving ? g_get_monotonic_time() + pause_us : -1);
     for (guint i = 0; i < actions->len; i++)
         carry_out(machine, &g_array_index(actions, SimAction, i));
+}
+
+static void step_by(SimMachine *machine, SimEventKind kind)
+{
+    step(machine, (SimEvent){.kind = kind});
 }
 
 static void carry_out(SimMachine *machine, const SimAction *action)
@@ -297,10 +353,27 @@ static void carry_out(SimMachine *machine, const SimAction *action)
         if (log)
             sim_log_block(log, &action->block);
         break;
+    case SIM_WAY:
+        if (log)
+            sim_log_way(log, &action->block);
+        break;
+    case SIM_OVERRIDES:
+        if (log)
+            sim_log_override(log, action->override, action->time_s);
+        break;
     case SIM_TELL:
-        tell(machine, action->event, action->event == FB_MACHINE_ESTOP ? &estop : NULL);
+        tell(machine, action->event,
+             action->event == FB_MACHINE_ESTOP   ? &estop
+             : action->event == FB_MACHINE_ALARM ? &machine->fault
+                                                 : NULL);
         break;
     }
+}
+
+static void publish_setup(SimMachine *machine, int work_offset)
+{
+    FbSetup setup = sim_setup(machine->options.machine, machine->options.tools, work_offset);
+    fb_receiver_set_setup(machine->receiver, &setup);
 }
 
 /* What the receiver asks for in turn is done when it has taken the event. */
@@ -322,7 +395,7 @@ typedef struct {
 static gboolean clock_dispatch(GSource *source, GSourceFunc callback, void *data)
 {
     (void)callback, (void)data;
-    step(((Clock *)source)->machine, SIM_TICK, NULL);
+    step_by(((Clock *)source)->machine, SIM_TICK);
     return G_SOURCE_CONTINUE;
 }
 

@@ -1,34 +1,68 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* A delivered program as the machine executes it: read, checked and planned; immutable. */
+/*
+ * A delivered program as the machine executes it: read, checked and planned.
+ *
+ * A stored program is one SimProgram. One that drips is a row of them, a pass each: one reader
+ * reads them all, so the modal state goes on, and each is planned from rest to rest.
+ */
 #ifndef SIM_PROGRAM_H
 #define SIM_PROGRAM_H
 
 #include "config/config.h"
 #include "nc/nc.h"
 
+/* How the moves of a program are driven; immutable, counted. */
 typedef struct {
-    NcMove *moves; /* the last is the NC_MOVE_END */
+    NcOverride override;
     NcTimedMove *timed;
+} SimPlan;
+
+/* All but `plan` is immutable; counted, so that it may be planned anew in a thread. */
+typedef struct {
+    NcMove *moves; /* a whole program's last is the NC_MOVE_END; a pass may have none at all */
     size_t n;
-    size_t *gates; /* number of moves before each gate, ascending */
+    double spindle_rpm; /* programmed before the first move */
+    uint32_t last_line; /* of the bytes that it was read from */
+    size_t *gates;      /* number of moves before each gate, ascending */
     size_t n_gates;
-    char sha256[65];
+    char sha256[65]; /* of the bytes */
+    SimPlan *plan;   /* the newest; whoever executes the program may set another */
 } SimProgram;
 
-/*
- * Reads, checks and plans `bytes`; `gates` are byte offsets just behind a newline, as OPEN names
- * them. Errors: SIM_ALARM with a SimAlarm as code; the message names line, column and word.
- * Touches nothing but its arguments, so it may run in a thread.
- */
-SimProgram *sim_program_new(GBytes *bytes, const uint64_t *gates, size_t n_gates,
-                            const CfgMachine *machine, const CfgToolTable *tools, GError **error);
+/* Reads one program, as a whole or pass by pass, in one modal state. Not for two threads at a
+ * time. Counted. `machine` and `tools` outlive it. */
+typedef struct SimReader SimReader;
 
-/* Takes over `moves`, which end with an NC_MOVE_END, and plans them; no gates, no hash. */
-SimProgram *sim_program_from_moves(GArray *moves, const CfgMachine *machine);
-void sim_program_free(SimProgram *program);
-G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimProgram, sim_program_free)
+SimReader *sim_reader_new(const CfgMachine *machine, const CfgToolTable *tools);
+SimReader *sim_reader_ref(SimReader *reader);
+void sim_reader_unref(SimReader *reader);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimReader, sim_reader_unref)
+
+/*
+ * Reads, checks and plans the program's next `bytes`, which end with a line; `last`: the program
+ * has to end in them. `gates` are offsets in `bytes`, just behind a newline. Errors: SIM_ALARM with
+ * a SimAlarm as code; the message names line, column and word.
+ */
+SimProgram *sim_reader_read(SimReader *reader, GBytes *bytes, const uint64_t *gates, size_t n_gates,
+                            bool last, NcOverride override, GError **error);
+
+/* Takes over `moves` and plans them; no gates, no hash. */
+SimProgram *sim_program_from_moves(GArray *moves, const CfgMachine *machine, NcOverride override);
+SimProgram *sim_program_ref(SimProgram *program);
+void sim_program_unref(SimProgram *program);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimProgram, sim_program_unref)
 
 /* Seconds from start to end without a hold. */
 double sim_program_duration_s(const SimProgram *program);
+
+/* Takes the plan over. */
+void sim_program_set_plan(SimProgram *program, SimPlan *plan);
+
+SimPlan *sim_plan_new(const SimProgram *program, const CfgMachine *machine, NcOverride override);
+SimPlan *sim_plan_ref(SimPlan *plan);
+void sim_plan_unref(SimPlan *plan);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimPlan, sim_plan_unref)
+
+bool sim_same_override(NcOverride a, NcOverride b);
 
 #endif

@@ -206,6 +206,55 @@ static void returns_over_the_top(void)
     rig_clear(&rig);
 }
 
+static void optional_stops(void)
+{
+    const char *text = "G21 G90\nG53 G0 X10\nM1\nG53 G0 X20\nM1\nG53 G0 X30\nM2\n";
+    Rig rig;
+    rig_start(&rig, 1, text, NULL, 0);
+    rig_optional_stop(&rig, true);
+    rig_run(&rig, 1000, 5);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_PROGRAM_STOP);
+    g_assert_cmpfloat(rig_see(&rig).position_mm[0], ==, 10);
+    g_assert_cmpuint(rig_blocks(&rig), ==, 2);
+    rig_optional_stop(&rig, false);
+    rig_do(&rig, SIM_RESUME);
+    rig_run(&rig, 1000, 5);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_COMPLETE);
+    g_autofree char *states = rig_states(&rig);
+    g_assert_cmpstr(states, ==, "IDLE READY RUNNING PROGRAM_STOP RUNNING COMPLETE");
+    rig_clear(&rig);
+}
+
+/* The last gate passed, the offset in force, and where a run that was cut off has to go on. */
+static void shown(void)
+{
+    const char *text = "(head)\nG21 G90\nG55 G53 G0 X10\nG53 G1 X20 F600\nG54 G53 G0 X0\nM2\n";
+    const uint64_t gates[] = {7, (uint64_t)(strstr(text, "G53 G1") - text),
+                              (uint64_t)(strstr(text, "G54") - text), strlen(text)};
+    Rig rig;
+    rig_start(&rig, 1, text, gates, G_N_ELEMENTS(gates));
+    g_assert_cmpuint(rig_see(&rig).gate, ==, 1);
+    g_assert_cmpuint(rig_see(&rig).stop_line, ==, 0);
+    rig_tick(&rig, 1000);
+    g_assert_cmpuint(rig_see(&rig).work_offset, ==, 55);
+    while (rig_see(&rig).line < 4 && rig.now_us < 5000000)
+        rig_tick(&rig, 1000);
+    g_assert_cmpuint(rig_see(&rig).gate, ==, 2);
+    rig_do(&rig, SIM_ABORT);
+    rig_run(&rig, 1000, 5);
+    g_assert_cmpuint(rig_see(&rig).gate, ==, 2);
+    g_assert_cmpuint(rig_see(&rig).stop_line, ==, 4);
+    g_assert_cmpuint(rig_see(&rig).work_offset, ==, 54);
+    rig_do(&rig, SIM_START);
+    g_assert_cmpuint(rig_see(&rig).stop_line, ==, 0);
+    g_assert_cmpuint(rig_see(&rig).gate, ==, 0);
+    rig_run(&rig, 1000, 60);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_COMPLETE);
+    g_assert_cmpuint(rig_see(&rig).gate, ==, 4);
+    g_assert_cmpuint(rig_see(&rig).stop_line, ==, 0);
+    rig_clear(&rig);
+}
+
 static void commands_in_wrong_states(void)
 {
     static const SimEventKind kinds[] = {SIM_START,  SIM_HOLD,  SIM_HOLD_AT_GATE,
@@ -266,9 +315,9 @@ static void gates_found(void)
     Rig rig;
     rig_init(&rig, 1, 1000);
     const char *text = "G21\n\nG53 G0 X1\n(c)\nG53 G0 X2\r\nM30";
-    const uint64_t gates[] = {0, 4, 16, 20, 32, 35};
+    const uint64_t gates[] = {0, 4, 15, 19, 30, 33};
     g_autoptr(SimProgram) program = rig_program(&rig, text, gates, G_N_ELEMENTS(gates), NULL);
-    static const size_t moves[] = {0, 0, 1, 1, 2, 2};
+    static const size_t moves[] = {0, 0, 1, 1, 2, 3}; /* the end is behind M30, too */
     g_assert_nonnull(program);
     for (size_t i = 0; program && i < G_N_ELEMENTS(moves); i++)
         g_assert_cmpuint(program->gates[i], ==, moves[i]);
@@ -283,6 +332,8 @@ static void add(void)
     g_test_add_func("/sim/controller/bounded-steps", bounded_steps);
     g_test_add_func("/sim/controller/second-start-returns", second_start_returns);
     g_test_add_func("/sim/controller/returns-over-the-top", returns_over_the_top);
+    g_test_add_func("/sim/controller/optional-stops", optional_stops);
+    g_test_add_func("/sim/controller/shown", shown);
     g_test_add_func("/sim/controller/commands-in-wrong-states", commands_in_wrong_states);
     g_test_add_func("/sim/controller/refused", refused);
     g_test_add_func("/sim/controller/gates-found", gates_found);

@@ -345,7 +345,7 @@ static double off_path_mm(const SimProgram *program, uint32_t line, SegVec3 p)
             return fmax(fabs(hypot(p.x - move->centre.x, p.y - move->centre.y) -
                              hypot(move->from.x - move->centre.x, move->from.y - move->centre.y)),
                         fabs(p.z - move->from.z));
-        double length = program->timed[i].length_mm, share = 0;
+        double length = program->plan->timed[i].length_mm, share = 0;
         SegVec3 along = seg_sub(move->to, move->from);
         if (length > 0)
             share = seg_dot(seg_sub(p, move->from), along) / (length * length);
@@ -362,8 +362,8 @@ static void limits(const SimProgram *program, uint32_t from, uint32_t to, double
     for (size_t i = 0; i < program->n; i++) {
         if (program->moves[i].line < from || program->moves[i].line > to)
             continue;
-        *a = fmax(*a, program->timed[i].a_mm_s2);
-        *v = fmax(*v, program->timed[i].v_max_mm_s);
+        *a = fmax(*a, program->plan->timed[i].a_mm_s2);
+        *v = fmax(*v, program->plan->timed[i].v_max_mm_s);
     }
 }
 
@@ -420,7 +420,7 @@ static void plan_inverse(void)
     g_autofree char *text = random_program(rand);
     const SimProgram *program = rig_load(&rig, text, NULL, 0);
     for (size_t i = 0; program && i < program->n; i++) {
-        const NcTimedMove *timed = &program->timed[i];
+        const NcTimedMove *timed = &program->plan->timed[i];
         if (!sim_plan_moves(timed))
             continue;
         for (int k = 0; k <= 20; k++) {
@@ -428,11 +428,11 @@ static void plan_inverse(void)
             test_near(sim_plan_distance_mm(timed, sim_plan_time_s(timed, at)), at, 1e-9, 0);
             test_near(sim_plan_time_s(timed, at), t, 1e-6, 0);
             SimPlace place = {i, at, nc_motion_speed_mm_s(timed, t)};
-            g_autoptr(GArray) stop = sim_ramp_stop(program, place);
+            g_autoptr(GArray) stop = sim_ramp_stop(program, program->plan, place);
             g_assert_true(stop->len == 0 ||
                           g_array_index(stop, SimPiece, stop->len - 1).to_mm_s == 0);
         }
-        g_autoptr(GArray) gate = sim_ramp_stop_at(program, i);
+        g_autoptr(GArray) gate = sim_ramp_stop_at(program, program->plan, i);
         if (gate->len > 0) {
             SimPiece last = g_array_index(gate, SimPiece, gate->len - 1);
             g_assert_cmpfloat(last.to_mm_s, ==, 0);

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "sim/machine.h"
+#include "sim/setup.h"
 #include "tests/unit/sim_rig.h"
 
 typedef struct {
@@ -173,6 +174,48 @@ static void run_twice(void)
     cell_clear(&cell);
 }
 
+/* 70 tools: the 60 with the lowest numbers; another offset in force is another setup. */
+static void setup(void)
+{
+    CfgTool tools[70];
+    for (int i = 0; i < 70; i++)
+        tools[i] = (CfgTool){.number = i + 1,
+                             .kind = CFG_TOOL_BULL,
+                             .diameter_mm = 6 + i,
+                             .corner_radius_mm = 0.5,
+                             .length_mm = 50.25 + i};
+    CfgToolTable table = {.tools = tools, .n_tools = 70};
+    Cell cell = {0};
+    rig_init(&cell.rig, 1, 1);
+    cell.rig.machine.work_offset_mm[1][2] = -123.4567;
+    FbSetup setup = sim_setup(&cell.rig.machine, &table, 55);
+    g_assert_cmpuint(setup.n_tools, ==, 60);
+    g_assert_cmpint(setup.tools[59].number, ==, 60);
+    g_assert_cmpint(setup.tools[59].kind, ==, CFG_TOOL_BULL);
+    g_assert_cmpfloat(setup.tools[59].length_mm, ==, 50.25 + 59);
+    rig_clear(&cell.rig);
+    if (cell_init(&cell, INFINITY, 30) &&
+        ready(&cell, "G21 G90 G55\nG53 G0 X1\nM0\nM30\n", NULL, 0)) {
+        fb_session_read_setup(cell.session);
+        wait_done(&cell, FB_TASK_SETUP);
+        g_assert_no_error(cell.error);
+        const FbSetup *read = fb_session_setup(cell.session);
+        g_assert_nonnull(read);
+        const uint16_t serial = read ? read->serial : 0;
+        g_assert_cmpuint(read ? read->n_tools : 0, ==, 2);
+        g_assert_cmpuint(read ? read->work_offset : 0, ==, 54);
+        fb_session_start(cell.session);
+        wait_state(&cell, FB_STATE_PROGRAM_STOP);
+        g_assert_cmpuint(fb_session_status(cell.session)->work_offset, ==, 55);
+        g_assert_cmpuint(fb_session_status(cell.session)->setup_serial, !=, serial);
+        fb_session_command(cell.session, FB_COMMAND_RESUME, NULL);
+        wait_done(&cell, FB_TASK_RUN);
+        g_assert_no_error(cell.error);
+        g_assert_cmpuint(fb_session_status(cell.session)->work_offset, ==, 54);
+    }
+    cell_clear(&cell);
+}
+
 static void refused(void)
 {
     Cell cell;
@@ -297,6 +340,7 @@ static void closed_while_examining(void)
 static void add(void)
 {
     g_test_add_func("/sim/machine/run-twice", run_twice);
+    g_test_add_func("/sim/machine/setup", setup);
     g_test_add_func("/sim/machine/refused", refused);
     g_test_add_func("/sim/machine/estop", emergency_stop);
     g_test_add_func("/sim/machine/agent-lost", agent_lost);

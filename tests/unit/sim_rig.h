@@ -50,10 +50,36 @@ static inline void rig_clear(Rig *rig)
     g_array_unref(rig->actions);
 }
 
+/* Steps, and plans anew at once where the controller wants that. */
+static inline void rig_step(Rig *rig, const SimEvent *event)
+{
+    sim_controller_step(rig->controller, event, rig->now_us, rig->actions);
+    NcOverride override;
+    for (SimProgram *p; (p = sim_controller_unplanned(rig->controller, &override)) != NULL;) {
+        SimEvent planned = {
+            .kind = SIM_PLAN, .program = p, .plan = sim_plan_new(p, &rig->machine, override)};
+        sim_controller_step(rig->controller, &planned, rig->now_us, rig->actions);
+    }
+}
+
 static inline void rig_do(Rig *rig, SimEventKind kind)
 {
-    SimEvent event = {.kind = kind};
-    sim_controller_step(rig->controller, &event, rig->now_us, rig->actions);
+    rig_step(rig, &(SimEvent){.kind = kind});
+}
+
+static inline void rig_optional_stop(Rig *rig, bool on)
+{
+    rig_step(rig, &(SimEvent){.kind = SIM_OPTIONAL_STOP, .on = on});
+}
+
+static inline void rig_restart(Rig *rig, size_t gate)
+{
+    rig_step(rig, &(SimEvent){.kind = SIM_RESTART, .gate = gate});
+}
+
+static inline void rig_override(Rig *rig, int feed, int rapid, int spindle)
+{
+    rig_step(rig, &(SimEvent){.kind = SIM_OVERRIDE, .override = {feed, rapid, spindle}});
 }
 
 static inline void rig_tick(Rig *rig, int64_t us)
@@ -66,7 +92,8 @@ static inline SimProgram *rig_program(Rig *rig, const char *text, const uint64_t
                                       GError **error)
 {
     g_autoptr(GBytes) bytes = g_bytes_new(text, strlen(text));
-    return sim_program_new(bytes, gates, n, &rig->machine, &rig->table, error);
+    g_autoptr(SimReader) reader = sim_reader_new(&rig->machine, &rig->table);
+    return sim_reader_read(reader, bytes, gates, n, true, NC_NO_OVERRIDE, error);
 }
 
 /* Loads a program that must be good; NULL after a failed assertion. The controller owns it. */
@@ -79,8 +106,7 @@ static inline const SimProgram *rig_load(Rig *rig, const char *text, const uint6
     if (!program)
         return NULL;
     rig_do(rig, SIM_ACKNOWLEDGE);
-    SimEvent event = {.kind = SIM_LOAD, .program = program};
-    sim_controller_step(rig->controller, &event, rig->now_us, rig->actions);
+    rig_step(rig, &(SimEvent){.kind = SIM_LOAD, .program = program});
     g_assert_cmpint(sim_controller_state(rig->controller), ==, FB_STATE_READY);
     return program;
 }
@@ -125,6 +151,17 @@ static inline char *rig_states(const Rig *rig)
                                    fb_state_name(action->state));
     }
     return g_string_free(text, FALSE);
+}
+
+/* The first executed block from action `*i` on, behind which `*i` is moved; NULL: none. */
+static inline const SimBlock *rig_next_block(const Rig *rig, guint *i)
+{
+    while (*i < rig->actions->len) {
+        const SimAction *action = &g_array_index(rig->actions, SimAction, (*i)++);
+        if (action->kind == SIM_BLOCK)
+            return &action->block;
+    }
+    return NULL;
 }
 
 /* The n-th executed block; a zero one after a failed assertion. */
