@@ -6,6 +6,7 @@
 #include "agent/execute.h"
 #include "agent/kept.h"
 #include "agent/progress.h"
+#include "agent/token.h"
 
 static bool run(const AgentOptions *options, AgentJson *result, GError **error);
 
@@ -89,6 +90,7 @@ static const FbCommand requests[AGENT_N_CONTROLS] = {
 static bool find_arguments(const AgentOptions *options, FbCommand command, AgentLink *link,
                            FbArguments *arguments, GError **error);
 static AgentProgram *read_program(AgentLink *link);
+static void wait_for_lease(AgentLink *link);
 static bool follow(const AgentOptions *options, AgentLink *link, const AgentProgram *program,
                    AgentJson *result, GError **error);
 static void describe(const FbStatus *status, FbCommand command, const AgentOptions *options,
@@ -108,6 +110,7 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
         if (!agent_link_wait_status(link, error))
             return false;
         program = read_program(link);
+        wait_for_lease(link);
     }
     if (!agent_link_command(link, command, &arguments, error) ||
         !agent_link_wait_status(link, error))
@@ -168,6 +171,24 @@ static AgentProgram *read_program(AgentLink *link)
         agent_progress_note("how far the run is will not be shown: %s",
                             error ? error->message : "no description of the machine is known");
     return program;
+}
+
+/* The lease of this user's own process that died: nobody beats for it, and only when it has lapsed
+ * can this process take it and keep the machine's agent alive. */
+static bool is_orphaned(const FbStatus *status)
+{
+    return status->state != FB_STATE_UNKNOWN && status->agent_lost && !status->needs_acknowledge &&
+           status->lease_owner == (uint32_t)(agent_token() >> 32);
+}
+
+static void wait_for_lease(AgentLink *link)
+{
+    const FbStatus *status = fb_session_status(link->session);
+    if (is_orphaned(status))
+        agent_progress_note("waiting %.0f s for the lease of the process that died",
+                            status->lease_ms * 1e-3);
+    while (is_orphaned(status))
+        g_main_context_iteration(link->context, true);
 }
 
 static bool follow(const AgentOptions *options, AgentLink *link, const AgentProgram *program,

@@ -31,17 +31,38 @@ state_is() { # within 10 s
     echo "state $shown, expected $1"
     return 1
 }
-# Delivers and starts the long program; sets run_pid. Bash gives a child in the background SIGINT
+# A command of segmill in the background; sets run_pid. Bash gives a child in the background SIGINT
 # ignored, so Ctrl-C is given back to it.
-begin() {
+background() { # background COMMAND [ARGUMENT…]
     python3 -c 'import os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)
 os.execv(sys.argv[1], sys.argv[1:])' \
-        "$segmill" run "$dir/recipe.ini" --to "$to" --config "$dir/agent.ini" -o "$dir/run" \
-        >"$dir/run.out" 2>"$dir/run.err" &
+        "$segmill" "$@" --to "$to" --config "$dir/agent.ini" >"$dir/run.out" 2>"$dir/run.err" &
     run_pid=$!
     pids+=("$run_pid")
+}
+# Delivers and starts the long program.
+begin() {
+    background run "$dir/recipe.ini" -o "$dir/run"
     state_is RUNNING
+}
+field() { # field KEY: of the status
+    "$segmill" status --to "$to" --config "$dir/agent.ini" --json |
+        sed -n "s/^  \"$1\": \(.*\),\$/\1/p"
+}
+shows() { # shows KEY VALUE
+    local value
+    value=$(field "$1")
+    echo "$1 is $value"
+    [ "$value" = "$2" ]
+}
+exits() { # exits STATUS: the command in the background
+    local status
+    wait "$run_pid"
+    status=$?
+    echo "exit status $status"
+    cat "$dir/run.err"
+    [ "$status" = "$1" ]
 }
 control() { # control COMMAND [ARGUMENT…]: as anyone at another terminal
     run "$segmill" "$@" --to "$to" --config "$dir/agent.ini"

@@ -8,7 +8,8 @@ cd "$(dirname "$0")/../.." || exit 1
 
 # ------------------------------------------------------------------------------ usage
 ok "help names every command" says 0 "segmill restart\|segmill segment" "$segmill" --help
-for command in init segment plan estimate send run hold resume abort status; do
+for command in init segment plan estimate send run hold resume abort override optional-stop \
+    restart status; do
     ok "help $command" says 0 "segmill $command " "$segmill" help "$command"
     ok "$command --help" says 0 "Options:" "$segmill" "$command" --help
     ok "$command without arguments" fails 2 "is missing" "$segmill" "$command"
@@ -23,6 +24,11 @@ ok "unknown method" fails 2 "'magic' is not one of feature-size, none" \
     "$segmill" segment "$part" --method magic -o "$dir/x"
 ok "unknown key" fails 2 "clearence_mm: unknown key; did you mean clearance_mm?" \
     "$segmill" segment "$part" --set clearence_mm=1 -o "$dir/x"
+ok "no override" fails 2 "are missing" "$segmill" override --to mill
+ok "too much of an override" fails 2 "--rapid 101 is not within 0 to 100" \
+    "$segmill" override --rapid 101 --to mill
+ok "too little of one" fails 2 "--spindle 49 is not within 50 to 200" \
+    "$segmill" override --feed 200 --spindle 49 --to mill
 ok "no results of a wrong call" test ! -e "$dir/x"
 
 # ---------------------------------------------------------------------- configuration
@@ -126,11 +132,17 @@ ok "estimate names file, line and word" fails 3 'bad.ngc.*3.*G7' \
 # ---------------------------------------------------------------------------- machine
 ok "unknown machine" fails 2 "no machine of that name; .* has: mill, sim" \
     "$segmill" status --to nobody --config "$dir/agent.ini"
-for command in status hold abort "send $dir/plan/program.ngc" "run $dir/recipe.ini -o $dir/x"; do
+for command in status hold abort resume "override --feed 50" "restart --at 1" "send $dir/plan/program.ngc" "run $dir/recipe.ini -o $dir/x"; do
     # shellcheck disable=SC2086
     ok "unreachable: ${command%% *}" fails 4 '' \
         "$segmill" $command --to mill --config "$dir/agent.ini"
 done
+sed 's/^give_up_s.*/give_up_s = 2/' "$dir/agent.ini" >"$dir/patient.ini"
+ok "whoever waits is told so" fails 4 'is not reachable' \
+    "$segmill" hold --to mill --config "$dir/patient.ini"
+ok "after a second" grep -q 'no answer from modbus://127.0.0.1:1 yet' "$dir/stderr"
+ok "optional stop is on or off" fails 2 "'maybe' is neither on nor off" \
+    "$segmill" optional-stop maybe --to mill --config "$dir/agent.ini"
 ok "unreachable is found before planning" test ! -e "$dir/x"
 ok "unreachable --json" json 4 "$segmill" status --to mill --config "$dir/agent.ini" --json
 ok "a broken configuration" fails 3 'recipe.ini:' \

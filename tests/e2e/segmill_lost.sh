@@ -6,25 +6,17 @@ cd "$(dirname "$0")/../.." || exit 1
 # shellcheck source=tests/e2e/cell.bash
 . tests/e2e/cell.bash
 sed -i 's/^#agent_timeout_s = .*/agent_timeout_s = 1/' "$dir/machine.ini"
-sed -i '/^\[region.local-1\]/,$d' "$dir/recipe.ini" # two regions, so that a gate is between them
+# Two regions, so that a gate is between them; the second one takes its time.
+sed -i '/^\[region.local-1\]/,$d' "$dir/recipe.ini"
+printf '%s\n' '[region.local-1]' 'feed = 50' >>"$dir/recipe.ini"
 
-field() { # field KEY: of the status
-    "$segmill" status --to "$to" --config "$dir/agent.ini" --json |
-        sed -n "s/^  \"$1\": \(.*\),\$/\1/p"
-}
-shows() { # shows KEY VALUE
-    local value
-    value=$(field "$1")
-    echo "$1 is $value"
-    [ "$value" = "$2" ]
-}
 # The block before the one that comes next took the tool up and out of the part.
 at_gate() {
     head -n $(($(field line) - 1)) "$dir/run/program.ngc" | grep -v '^(' | tail -n 1 |
         tee "$dir/last" && grep -qE '^(G53 )?G0 Z' "$dir/last"
 }
-moved() { # within 10 s
-    for ((i = 0; i < 50; i++)); do
+moved() { # within 20 s
+    for ((i = 0; i < 100; i++)); do
         shows program_time_s "$stood_s" || return 0
         sleep 0.2
     done
@@ -49,7 +41,16 @@ ok "the person's own, too" fails 4 'NEEDS_ACKNOWLEDGE' "$segmill" resume --to "$
 echo ack >&7
 ok "acknowledged at the machine" shows needs_acknowledge false
 ok "which moves nothing" shows program_time_s "$stood_s"
-ok "now a resume" control resume --no-follow
-ok "goes on" moved
+background resume
+ok "now a resume goes on, once the dead agent's lease has lapsed" moved
+ok "and stays: the machine is not alone" says 0 'RUNNING$' sh -c "sleep 2; '$segmill' status --to $to"
+kill -INT "$run_pid"
+ok "its Ctrl-C holds" state_is HELD
+sleep 2
+ok "it still stays" shows agent_lost false
+ok "another terminal resumes" control resume --no-follow
+ok "which moves" state_is RUNNING
+kill -INT "$run_pid"
+ok "a second Ctrl-C aborts" exits 6
 stop
 finish

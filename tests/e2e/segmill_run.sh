@@ -6,13 +6,7 @@ cd "$(dirname "$0")/../.." || exit 1
 . tests/e2e/cell.bash
 
 ends() { # ends STATUS OUTCOME: the run ended so, and run.json says it
-    local status
-    wait "$run_pid"
-    status=$?
-    echo "exit status $status"
-    cat "$dir/run.err"
-    [ "$status" = "$1" ] && valid run "$dir/run/run.json" &&
-        grep -q "^  \"outcome\": \"$2\"" "$dir/run/run.json"
+    exits "$1" && valid run "$dir/run/run.json" && grep -q "^  \"outcome\": \"$2\"" "$dir/run/run.json"
 }
 holds_are() {
     grep -A 60 '"states"' "$dir/run/run.json"
