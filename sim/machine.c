@@ -27,6 +27,7 @@ struct SimMachine {
     SimController *controller;
     FbReceiver *receiver;
     FbModbusServer *plain, *secure; /* Modbus; NULL: not asked for */
+    FbCanServer *can;               /* as well */
     GSource *clock;
     SimFeed *feed;
     bool verifying;   /* what is being examined is the answer to VERIFY */
@@ -39,6 +40,7 @@ struct SimMachine {
 static void act(FbDo what, void *data);
 static bool listen_on(SimMachine *machine, const SimAddress *at, const CfgTls *tls,
                       FbModbusServer **server, GError **error);
+static bool join_can(SimMachine *machine, GError **error);
 static void examine(SimMachine *machine);
 static void feed_more(SimMachine *machine);
 static void examined(GPtrArray *programs, const GError *error, void *data);
@@ -75,7 +77,8 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
                    options->tools->n_tools, FB_TOOLS_MOST);
     machine->clock = clock_new(machine);
     if (!listen_on(machine, &options->plain, NULL, &machine->plain, error) ||
-        !listen_on(machine, &options->secure, &cfg->tls, &machine->secure, error))
+        !listen_on(machine, &options->secure, &cfg->tls, &machine->secure, error) ||
+        !join_can(machine, error))
         return NULL;
     step_by(machine, SIM_TICK);
     return g_steal_pointer(&machine);
@@ -91,12 +94,32 @@ static bool listen_on(SimMachine *machine, const SimAddress *at, const CfgTls *t
     return !at->host || *server;
 }
 
+static bool join_can(SimMachine *machine, GError **error)
+{
+    const CfgMachine *cfg = machine->options.machine;
+    const FbCanOptions options = {.interface = machine->options.can_interface,
+                                  .key_file = cfg->can_key,
+                                  .base = (uint16_t)cfg->can_base,
+                                  .agents = (unsigned)cfg->can_agents};
+    if (!options.interface)
+        return true;
+    if (!options.key_file) {
+        g_set_error(error, FB_ERROR, FB_ERROR_CREDENTIALS,
+                    "a CAN bus needs a key: [can] key in the machine file");
+        return false;
+    }
+    machine->can =
+        fb_can_server_new(&options, machine->receiver, act, machine, NULL, error);
+    return machine->can != NULL;
+}
+
 void sim_machine_free(SimMachine *machine)
 {
     if (!machine)
         return;
     g_clear_pointer(&machine->plain, fb_modbus_server_free);
     g_clear_pointer(&machine->secure, fb_modbus_server_free);
+    g_clear_pointer(&machine->can, fb_can_server_free);
     sim_feed_free(machine->feed);
     g_source_destroy(machine->clock);
     g_source_unref(machine->clock);
@@ -118,6 +141,28 @@ uint16_t sim_machine_tls_port(const SimMachine *machine)
 void sim_machine_press(SimMachine *machine, SimEventKind button)
 {
     step_by(machine, button);
+}
+
+static void append_can(GString *text, const FbCanServer *can)
+{
+    const FbCanCounts c = fb_can_server_counts(can);
+    g_string_append_printf(text,
+                           "CAN: forged %" G_GUINT64_FORMAT ", replayed %" G_GUINT64_FORMAT
+                           ", malformed %" G_GUINT64_FORMAT ", torn %" G_GUINT64_FORMAT
+                           ", unsent %" G_GUINT64_FORMAT "\nCAN: hellos %" G_GUINT64_FORMAT
+                           ", openings %" G_GUINT64_FORMAT ", breaks %" G_GUINT64_FORMAT
+                           "\nCAN: error frames:",
+                           c.forged, c.replayed, c.malformed, c.torn, c.unsent, c.hellos,
+                           c.openings, c.breaks);
+    bool any = false;
+    for (unsigned i = 0; i < FB_CAN_N_ERRORS; i++) {
+        if (c.errors[i] == 0)
+            continue;
+        g_string_append_printf(text, "%s %s %" G_GUINT64_FORMAT, any ? "," : "",
+                               fb_can_error_name(i), c.errors[i]);
+        any = true;
+    }
+    g_string_append(text, any ? "\n" : " none\n");
 }
 
 char *sim_machine_summary(const SimMachine *machine)
@@ -150,6 +195,8 @@ char *sim_machine_summary(const SimMachine *machine)
     if (machine->secure)
         g_string_append_printf(text, "TLS handshakes refused: %" G_GUINT64_FORMAT "\n",
                                fb_modbus_server_refused(machine->secure));
+    if (machine->can)
+        append_can(text, machine->can);
     return g_string_free(text, FALSE);
 }
 

@@ -15,9 +15,10 @@ typedef struct {
 typedef struct {
     const CfgMachine *machine;
     const CfgToolTable *tools;
-    SimAddress plain;  /* Modbus */
-    SimAddress secure; /* Modbus in TLS, with the machine's `tls` */
-    double speed;      /* as SimControllerOptions */
+    SimAddress plain;          /* Modbus */
+    SimAddress secure;         /* Modbus in TLS, with the machine's `tls` */
+    const char *can_interface; /* NULL: no CAN; else with the machine's key */
+    double speed;              /* as SimControllerOptions */
     uint32_t epoch;
     SimLog *log; /* may be NULL; stays the caller's */
 } SimMachineOptions;

@@ -22,7 +22,7 @@ enum { EXIT_DONE = 0, EXIT_FAILED = 1, EXIT_USAGE = 2, EXIT_CONFIGURATION = 3 };
 #define DEFAULT_TLS_PORT 1802
 
 typedef struct {
-    char *machine, *modbus, *tls, *speed_text, *log;
+    char *machine, *modbus, *tls, *can, *speed_text, *log;
     SimAddress plain, secure;
     double speed;
 } Options;
@@ -44,6 +44,7 @@ static void options_clear(Options *options)
     g_free(options->machine);
     g_free(options->modbus);
     g_free(options->tls);
+    g_free(options->can);
     g_free(options->speed_text);
     g_free(options->log);
     g_free(options->plain.host);
@@ -99,7 +100,8 @@ static bool parse_address(const char *option, const char *text, uint16_t port, S
 /* Plain Modbus on loopback, unless something else was asked for. */
 static bool parse_addresses(Options *options, GError **error)
 {
-    const char *plain = options->modbus || options->tls ? options->modbus : DEFAULT_ADDRESS;
+    const char *plain =
+        options->modbus || options->tls || options->can ? options->modbus : DEFAULT_ADDRESS;
     return (!plain || parse_address("--modbus", plain, DEFAULT_PORT, &options->plain, error)) &&
            (!options->tls ||
             parse_address("--tls", options->tls, DEFAULT_TLS_PORT, &options->secure, error));
@@ -115,6 +117,8 @@ static bool parse_options(Options *options, int argc, char **argv, GError **erro
         {"tls", 0, 0, G_OPTION_ARG_STRING, &options->tls,
          "Where to listen for Modbus in TLS, with the machine's certificate (default port 1802)",
          "HOST:PORT"},
+        {"can", 0, 0, G_OPTION_ARG_STRING, &options->can,
+         "The CAN interface to join, with the machine's key", "INTERFACE"},
         {"speed", 0, 0, G_OPTION_ARG_STRING, &options->speed_text,
          "Machine seconds a second, or as fast as it can (default 1)", "N|max"},
         {"log", 0, 0, G_OPTION_ARG_FILENAME, &options->log,
@@ -125,9 +129,9 @@ static bool parse_options(Options *options, int argc, char **argv, GError **erro
     g_option_context_add_main_entries(context, entries, NULL);
     g_option_context_set_description(
         context,
-        "Prints \"modbus HOST:PORT\" and \"mbaps HOST:PORT\" when it listens. It is OFF\n"
-        "until a person at the machine acknowledges: lines on standard input are that person:\n"
-        "ack, estop. Ends with SIGTERM or SIGINT and a summary.\n");
+        "Prints \"modbus HOST:PORT\", \"mbaps HOST:PORT\", \"can INTERFACE\" when it listens.\n"
+        "It is OFF until a person at the machine acknowledges: lines on standard input are that\n"
+        "person: ack, estop. Ends with SIGTERM or SIGINT and a summary.\n");
     if (!g_option_context_parse(context, &argc, &argv, error))
         return false;
     if (argc > 1) {
@@ -197,6 +201,7 @@ static int serve(const Options *options)
                              .tools = tools,
                              .plain = options->plain,
                              .secure = options->secure,
+                             .can_interface = options->can,
                              .speed = options->speed};
     if (!may_listen(options, machine, &error))
         return failed(EXIT_CONFIGURATION, error);
@@ -237,6 +242,8 @@ static int run(SimMachine *machine, const Options *options)
     g_unix_fd_add(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR, operator_input, &program);
     print_address("modbus", &options->plain, sim_machine_port(machine));
     print_address("mbaps", &options->secure, sim_machine_tls_port(machine));
+    if (options->can)
+        g_print("can %s\n", options->can);
     fflush(stdout);
     g_main_loop_run(loop);
     g_autofree char *summary = sim_machine_summary(machine);
