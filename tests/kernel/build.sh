@@ -42,7 +42,7 @@ build() {
     echo "building the kernel for the tests, once: some minutes"
     rm -rf "$out"
     trap 'rm -rf "$out"' EXIT
-    mkdir -p "$out/source" "$out/object" "$(dirname "$kernel")"
+    mkdir -p "$out/source" "$out/object"
     tar -xf "$source" -C "$out/source" --strip-components=1 || fail "cannot unpack $source"
     for correction in "${corrections[@]}"; do
         correct "$correction"
@@ -54,6 +54,7 @@ build() {
     done
     kbuild -j"$(nproc)" linux
     strip -o "$out/linux" "$out/object/linux"
+    mkdir -p "$(dirname "$kernel")"
     mv "$out/linux" "$kernel"
 }
 
