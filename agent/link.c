@@ -101,16 +101,17 @@ static CfgAgent *load_agent(const AgentOptions *options, GError **error)
 
 static bool find_target(AgentLink *link, const char *name, GError **error)
 {
-    if (strstr(name, "://")) {
-        link->target = (CfgTarget){.name = (char *)name, .address = (char *)name, .unit_id = 1};
-        return true;
-    }
+    const bool is_address = strstr(name, "://") != NULL;
     g_autoptr(GString) known = g_string_new(NULL);
     for (size_t i = 0; i < link->agent->n_machines; i++) {
         link->target = link->agent->machines[i];
-        if (strcmp(link->target.name, name) == 0)
+        if (strcmp(is_address ? link->target.address : link->target.name, name) == 0)
             return true;
         g_string_append_printf(known, "%s%s", i ? ", " : "", link->target.name);
+    }
+    if (is_address) {
+        link->target = (CfgTarget){.name = (char *)name, .address = (char *)name, .unit_id = 1};
+        return true;
     }
     g_set_error(error, AGENT_ERROR, AGENT_ERROR_TARGET,
                 "--to %s: no machine of that name; the agent's configuration has: %s", name,

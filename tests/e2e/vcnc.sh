@@ -35,7 +35,8 @@ exits() { # exits STATUS WORD ARGUMENT…: says WORD on stderr, nothing on stdou
     [ "$got" = "$expected" ] && [ ! -s "$dir/stdout" ] && grep -q -e "$word" "$dir/stderr"
 }
 
-ok "unknown option" exits 2 --can --machine "$machine" --can vcan0
+ok "unknown option" exits 2 --bus --machine "$machine" --bus vcan0
+ok "CAN without a key" exits 3 "needs a key" --machine "$machine" --can vcan0
 ok "no machine" exits 2 --machine
 ok "stray argument" exits 2 stray --machine "$machine" stray
 for speed in 0 -1 nan inf 1x ''; do
