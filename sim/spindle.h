@@ -36,10 +36,10 @@ static inline void sim_spindle_turn(SimSpindle *s, double rpm, double time_s)
     s->since_s = time_s;
 }
 
-/* Off, and at rest. */
+/* Off, at rest, and the clock begins again. */
 static inline void sim_spindle_stop(SimSpindle *s)
 {
-    s->from_rpm = s->to_rpm = 0;
+    s->from_rpm = s->to_rpm = s->since_s = 0;
 }
 
 #endif
