@@ -17,7 +17,7 @@ packages() {
 #: libjson-glib-dev           reading and building JSON
 #: libgpiod-dev               the operator's panel: GPIO lines
 #: libcairo2-dev              pictures
-#: libmodbus-dev              parsing and answering Modbus
+#: libmodbus-dev              names of Modbus; the peer in tests and benches
 #: libssl-dev                 TLS, certificates
 #: zlib1g-dev                 crc32
 #: libocct-data-exchange-dev  IGES and STEP
