@@ -93,7 +93,8 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
 static void find_gates(const Survey *survey, uint64_t length, GArray *gates)
 {
     bool clear = false;
-    double height = survey->highest_rapid_mm >= survey->highest_mm ? survey->highest_mm : INFINITY;
+    bool by_rapid = isfinite(survey->highest_mm) && survey->highest_rapid_mm >= survey->highest_mm;
+    double height = by_rapid ? survey->highest_mm : INFINITY;
     for (guint i = 0; i < survey->ends->len; i++) {
         const BlockEnd *block = &g_array_index(survey->ends, BlockEnd, i);
         bool was_clear = clear;
