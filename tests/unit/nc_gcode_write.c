@@ -192,6 +192,10 @@ static void gates_of_others(void)
          {"F9 G1 Z-3\nX2\nG28 Z-3\n", "F9 G1 Z-3\nX2\nG28 Z-3\nM2\n"}},
         {"F9\nG1 Z3\nZ-3\nG53 G0 Z1\nG53 Z-2\nM2\n",
          {"F9\nG1 Z3\nZ-3\nG53 G0 Z1\n", "F9\nG1 Z3\nZ-3\nG53 G0 Z1\nG53 Z-2\nM2\n"}},
+        /* nothing but machine coordinates: only what raises the tool */
+        {"G53 G0 Z9\nG53 G1 Z3 F9\nG53 X1\nG53 G0 Z8\nG53 Z2\nM2\n",
+         {"G53 G0 Z9\nG53 G1 Z3 F9\nG53 X1\nG53 G0 Z8\n",
+          "G53 G0 Z9\nG53 G1 Z3 F9\nG53 X1\nG53 G0 Z8\nG53 Z2\nM2\n"}},
         {"M2", {"M2"}},
     };
     CfgMachine machine = gcode_machine();
