@@ -52,5 +52,22 @@ ok "another terminal resumes" control resume --no-follow
 ok "which moves" state_is RUNNING
 kill -INT "$run_pid"
 ok "a second Ctrl-C aborts" exits 6
+ok "the program is there" state_is READY
+background restart --at last --yes
+ok "begun again at its last gate" state_is RUNNING
+disown "$run_pid"
+kill -9 "$run_pid"
+lost() { # within 10 s
+    for ((i = 0; i < 50; i++)); do
+        shows agent_lost true && return
+        sleep 0.2
+    done
+    return 1
+}
+ok "killed again" lost
+ok "anyone may abort" control abort
+ok "aborted" state_is READY
+ok "a restart wants an acknowledgement, too" fails 4 'NEEDS_ACKNOWLEDGE' \
+    "$segmill" restart --at last --yes --to "$to"
 stop
 finish
