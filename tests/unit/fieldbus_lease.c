@@ -87,6 +87,21 @@ static void beats_keep_the_lease(void)
     rig_free(&rig);
 }
 
+/* A command that was on its way for long says nothing of who sent it. */
+static void late_commands_keep_nothing(void)
+{
+    Rig rig = rig_new();
+    rig_lead(&rig, FB_STATE_RUNNING);
+    FbOrder old = rig.last;
+    old.seq--;
+    rig.now_us += (RIG_AGENT_S - 1) * SECOND;
+    g_assert_cmpstr(fb_answer_name(rig_write_order(&rig, &old)), ==, "OUT_OF_SEQUENCE");
+    rig.now_us += SECOND;
+    fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
+    g_assert_true(rig_status(&rig).agent_lost);
+    rig_free(&rig);
+}
+
 /* tick() says when it wants to be called; that is when the agent is lost and the lease lapses. */
 static void tick_says_when(void)
 {
@@ -273,6 +288,7 @@ static void add(void)
     g_test_add_func("/fieldbus/lease/timers-as-documented", timers_as_documented);
     g_test_add_func("/fieldbus/lease/zero-owner", zero_owner);
     g_test_add_func("/fieldbus/lease/beats-keep-it", beats_keep_the_lease);
+    g_test_add_func("/fieldbus/lease/late-commands-keep-nothing", late_commands_keep_nothing);
     g_test_add_func("/fieldbus/lease/tick-says-when", tick_says_when);
     g_test_add_func("/fieldbus/lease/agent-loss", agent_loss);
     g_test_add_func("/fieldbus/lease/link-loss-needs-acknowledge", link_loss_needs_acknowledge);

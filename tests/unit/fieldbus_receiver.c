@@ -378,6 +378,118 @@ static void open_limits(void)
     rig_free(&rig);
 }
 
+static FbAnswer write_next(Rig *rig, FbOrder *o)
+{
+    o->seq = ++rig->seq;
+    return rig_write_order(rig, o);
+}
+
+static void restart_at_a_gate(void)
+{
+    static const struct {
+        uint32_t gate;
+        uint64_t offset;
+    } wrong[] = {{0, 0}, {0, 6}, {1, 0}, {1, 7}, {2, RIG_PROGRAM_BYTES}, {3, 6}, {UINT32_MAX, 6}};
+    Rig rig = rig_new();
+    rig_lead(&rig, FB_STATE_READY);
+    FbOrder o = rig.last;
+    o.command = FB_COMMAND_RESTART;
+    o.transfer = rig.transfer;
+    for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
+        o.gate = wrong[i].gate;
+        o.gate_offset = wrong[i].offset;
+        g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "GATE");
+    }
+    g_assert_cmpuint(rig.actions->len, ==, 0);
+    assert_state(&rig, FB_STATE_READY, "no gate");
+    o.gate = 1;
+    o.gate_offset = RIG_GATES[0];
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "DONE");
+    g_assert_true(rig_did(&rig, FB_DO_RESTART));
+    g_assert_cmpuint(fb_receiver_restart_gate(rig.receiver), ==, 1);
+    g_assert_cmpuint(rig_status(&rig).run, ==, 1);
+    g_assert_cmpstr(fb_answer_name(rig_write_order(&rig, &o)), ==, "DONE"); /* again: not done */
+    g_assert_cmpuint(rig.actions->len, ==, 0);
+    g_assert_cmpuint(rig_status(&rig).run, ==, 1);
+
+    /* As START it needs an acknowledgement after an alarm. */
+    rig_machine(&rig, FB_MACHINE_ALARM);
+    rig_machine(&rig, FB_MACHINE_ACKNOWLEDGED);
+    rig.now_us += RIG_AGENT_S * G_USEC_PER_SEC;
+    fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "NEEDS_ACKNOWLEDGE");
+    rig_free(&rig);
+}
+
+static void overrides(void)
+{
+    static const FbArguments wrong[] = {{201, 100, 100, false},
+                                        {100, 101, 100, false},
+                                        {100, 100, 49, false},
+                                        {100, 100, 201, false},
+                                        {0xffff, 0, 100, false}};
+    Rig rig = rig_new();
+    rig_lead(&rig, FB_STATE_READY);
+    FbOrder o = rig.last;
+    o.command = FB_COMMAND_OPTIONAL_STOP;
+    o.arguments.optional_stop = true;
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "DONE");
+    g_assert_true(rig_did(&rig, FB_DO_OPTIONAL_STOP));
+    o.command = FB_COMMAND_OVERRIDE;
+    for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
+        o.arguments = wrong[i];
+        g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "MALFORMED");
+    }
+    g_assert_cmpuint(rig.actions->len, ==, 0);
+    o.arguments = (FbArguments){0, 25, 200, false};
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "DONE");
+    g_assert_true(rig_did(&rig, FB_DO_OVERRIDE));
+    /* They stay over runs and transfers. */
+    rig_order(&rig, FB_COMMAND_START);
+    rig_machine(&rig, FB_MACHINE_ABORTED);
+    rig_open(&rig, RIG_PROGRAM, RIG_PROGRAM_BYTES, RIG_GATES, 2);
+    const FbStatus s = rig_status(&rig);
+    g_assert_cmpuint(s.feed_override_percent, ==, 0);
+    g_assert_cmpuint(s.rapid_override_percent, ==, 25);
+    g_assert_cmpuint(s.spindle_override_percent, ==, 200);
+    g_assert_true(s.optional_stop);
+    const FbArguments now = fb_receiver_overrides(rig.receiver);
+    g_assert_true(now.feed_percent == 0 && now.optional_stop);
+    rig_free(&rig);
+
+    /* 2 is neither on nor off. */
+    uint8_t block[FB_BLOCK_BYTES], joined[FB_BLOCK_BYTES];
+    o.command = FB_COMMAND_OPTIONAL_STOP;
+    const size_t n = fb_wire_put_order(block, &o);
+    block[n - 1] = 2;
+    memcpy(joined, block, FB_COMMAND_BYTES - 4);
+    memcpy(joined + FB_COMMAND_BYTES - 4, block + FB_COMMAND_BYTES, n - FB_COMMAND_BYTES);
+    const uint32_t crc = fb_wire_crc(joined, n - 4);
+    for (int i = 0; i < 4; i++)
+        block[FB_COMMAND_BYTES - 4 + i] = (uint8_t)(crc >> (24 - 8 * i));
+    g_assert_cmpint(fb_wire_get_order(block, n, &o), ==, FB_ANSWER_MALFORMED);
+}
+
+static void setup_is_published(void)
+{
+    Rig rig = rig_new();
+    const uint16_t serial = rig_status(&rig).setup_serial;
+    const FbSetup setup = {.serial = 999, .n_tools = 2, .tools = {{.number = 1}, {.number = 4}}};
+    fb_receiver_set_setup(rig.receiver, &setup);
+    const FbStatus s = rig_status(&rig);
+    g_assert_cmpuint(s.setup_serial, ==, serial + 1);
+    g_assert_cmpuint(s.n_tools, ==, 2);
+    g_assert_cmpint(fb_receiver_setup(rig.receiver)->tools[1].number, ==, 4);
+    rig_free(&rig);
+
+    /* Memory that could not be filled is not promised. */
+    const FbReceiverOptions large = {.epoch = 1, .memory_bytes = UINT64_C(1) << 40};
+    g_autoptr(FbReceiver) receiver = fb_receiver_new(&large);
+    FbStatus status;
+    fb_receiver_status(receiver, 0, &status);
+    g_assert_cmpuint(status.memory_bytes, ==, UINT64_C(1) << 30);
+}
+
 static void add(void)
 {
     g_test_add_func("/fieldbus/receiver/commands-as-documented", commands_as_documented);
@@ -392,6 +504,9 @@ static void add(void)
     g_test_add_func("/fieldbus/receiver/verify-refuses", verify_refuses);
     g_test_add_func("/fieldbus/receiver/machine-refuses-program", machine_refuses_program);
     g_test_add_func("/fieldbus/receiver/open-limits", open_limits);
+    g_test_add_func("/fieldbus/receiver/restart-at-a-gate", restart_at_a_gate);
+    g_test_add_func("/fieldbus/receiver/overrides", overrides);
+    g_test_add_func("/fieldbus/receiver/setup-is-published", setup_is_published);
 }
 
 int main(int argc, char **argv)
