@@ -113,11 +113,12 @@ static void take_ends(Panel *p)
 static void look(Panel *p)
 {
     const int64_t now_us = g_get_monotonic_time();
-    if (p->gpio) {
+    if (p->gpio)
         take_edges(p);
-    } else if (now_us >= p->look_us && open_lines(p, NULL)) {
+    else if (now_us < p->look_us)
+        return;
+    else if (open_lines(p, NULL))
         agent_progress_note("the panel's lines are back");
-    }
     p->look_us = now_us + LOOK_US;
 }
 
