@@ -284,7 +284,7 @@ void fb_delivery_send_chunk(FbDelivery *d, int64_t now_us, FbActions *out)
     const FbChunk chunk = {.epoch = d->epoch,
                            .transfer = s->transfer,
                            .offset = from,
-                           .length = (uint16_t)MIN(to - from, s->chunk_max),
+                           .length = (uint16_t)MIN(to - from, MIN(s->chunk_max, d->chunk_most)),
                            .bytes = bytes};
     copy_stream(d, from, bytes, chunk.length);
     d->sent_to = from + chunk.length;
@@ -383,8 +383,8 @@ const FbSetup *fb_delivery_setup(const FbDelivery *d)
 
 const FbRequest *fb_delivery_farewell(FbDelivery *d)
 {
-    const FbState state = d->status.state;
-    if (!d->leased || !d->fresh || (state >= FB_STATE_RUNNING && state <= FB_STATE_ABORTING))
+    /* Whether a run is on the machine knows better: the status may be older than its end. */
+    if (!d->leased || !d->fresh)
         return NULL;
     set_order(d, FB_COMMAND_RELEASE);
     d->request.n = fb_wire_put_order(d->request.bytes, &d->order);
@@ -397,6 +397,11 @@ uint32_t fb_delivery_session(const FbDelivery *d)
     return d->options.session;
 }
 
+void fb_delivery_limit_chunks(FbDelivery *d, uint16_t bytes)
+{
+    d->chunk_most = bytes;
+}
+
 void fb_delivery_set_token(FbDelivery *d, uint64_t token)
 {
     d->options.token = token;
@@ -406,6 +411,7 @@ FbDelivery *fb_delivery_new(const FbDeliveryOptions *options, int64_t now_us)
 {
     FbDelivery *d = g_new0(FbDelivery, 1);
     d->options = *options;
+    d->chunk_most = FB_CHUNK_BYTES;
     d->status.state = FB_STATE_UNKNOWN;
     d->deadline_us = d->lost_us = now_us;
     return d;

@@ -71,6 +71,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbDelivery, fb_delivery_free)
 uint32_t fb_delivery_session(const FbDelivery *delivery);
 void fb_delivery_set_token(FbDelivery *delivery, uint64_t token);
 
+/* No chunk is longer than the carrier can take, whatever the machine publishes. At first
+ * FB_CHUNK_BYTES. */
+void fb_delivery_limit_chunks(FbDelivery *delivery, uint16_t bytes);
+
 /* Tasks; one at a time. Step with TICK afterwards. */
 void fb_delivery_deliver(FbDelivery *delivery, GBytes *program, const uint64_t *gates,
                          size_t n_gates, int64_t now_us);
@@ -89,8 +93,8 @@ const FbStatus *fb_delivery_status(const FbDelivery *delivery);
 /* What FB_TASK_SETUP has read; NULL before. */
 const FbSetup *fb_delivery_setup(const FbDelivery *delivery);
 
-/* The RELEASE to send before the connection is closed for good; NULL where there is none to send:
- * no lease, no connection, or a run that is on. */
+/* The RELEASE to send before the connection is closed for good, refused where a run is on; NULL where
+ * there is none to send: no lease, or no connection. */
 const FbRequest *fb_delivery_farewell(FbDelivery *delivery);
 
 #endif

@@ -54,7 +54,7 @@ kill -INT "$run_pid"
 ok "a second Ctrl-C aborts" exits 6
 ok "the program is there" state_is READY
 background restart --at last --yes
-ok "begun again at its last gate" state_is RUNNING
+ok "begun again at its last gate: the lease was given back" state_is RUNNING
 disown "$run_pid"
 kill -9 "$run_pid"
 lost() { # within 10 s

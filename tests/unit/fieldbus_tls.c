@@ -472,7 +472,7 @@ static void servers_compose(void)
     g_assert_no_error(c.error);
     fb_session_start(c.session);
     g_assert_true(run_until(&c, &c.starts, 1));
-    fb_session_free(g_steal_pointer(&c.session)); /* while it runs: no farewell */
+    fb_session_free(g_steal_pointer(&c.session)); /* it runs: no RELEASE */
     fb_modbus_server_free(c.server);
     c.server = plain;
     g_assert_true(run_until(&c, &c.holds, 1));
