@@ -193,9 +193,9 @@ static void gates_of_others(void)
         {"F9\nG1 Z3\nZ-3\nG53 G0 Z1\nG53 Z-2\nM2\n",
          {"F9\nG1 Z3\nZ-3\nG53 G0 Z1\n", "F9\nG1 Z3\nZ-3\nG53 G0 Z1\nG53 Z-2\nM2\n"}},
         /* nothing but machine coordinates: only what raises the tool */
-        {"G53 G0 Z9\nG53 G1 Z3 F9\nG53 X1\nG53 G0 Z8\nG53 Z2\nM2\n",
-         {"G53 G0 Z9\nG53 G1 Z3 F9\nG53 X1\nG53 G0 Z8\n",
-          "G53 G0 Z9\nG53 G1 Z3 F9\nG53 X1\nG53 G0 Z8\nG53 Z2\nM2\n"}},
+        {"G53 G0 Z-1\nG53 G1 Z-3 F9\nG53 X1\nG53 G0 Z-2\nG53 Z-9\nM2\n",
+         {"G53 G0 Z-1\nG53 G1 Z-3 F9\nG53 X1\nG53 G0 Z-2\n",
+          "G53 G0 Z-1\nG53 G1 Z-3 F9\nG53 X1\nG53 G0 Z-2\nG53 Z-9\nM2\n"}},
         {"M2", {"M2"}},
     };
     CfgMachine machine = gcode_machine();
