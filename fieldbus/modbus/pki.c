@@ -27,6 +27,7 @@ typedef struct {
 
 static GPtrArray *make_files(const FbPkiOptions *options, GError **error);
 static bool write_file(const char *folder, const File *file, GError **error);
+static void remove_file(const char *folder, const File *file);
 
 /* --------------------------------------------------------------------------- files */
 
@@ -67,10 +68,13 @@ bool fb_pki_write(const FbPkiOptions *options, GError **error)
                     options->folder, g_strerror(errno));
         return false;
     }
-    for (guint i = 0; i < files->len; i++)
-        if (!write_file(options->folder, files->pdata[i], error))
-            return false;
-    return true;
+    guint n = 0;
+    while (n < files->len && write_file(options->folder, files->pdata[n], error))
+        n++;
+    const bool all = n == files->len;
+    while (!all && n > 0)
+        remove_file(options->folder, files->pdata[--n]);
+    return all;
 }
 
 static bool write_file(const char *folder, const File *file, GError **error)
@@ -79,6 +83,12 @@ static bool write_file(const char *folder, const File *file, GError **error)
     return g_file_set_contents_full(path, file->text, (gssize)strlen(file->text),
                                     G_FILE_SET_CONTENTS_CONSISTENT, file->secret ? 0600 : 0644,
                                     error);
+}
+
+static void remove_file(const char *folder, const File *file)
+{
+    g_autofree char *path = g_build_filename(folder, file->name, NULL);
+    g_unlink(path);
 }
 
 static void file_free(void *data)
@@ -235,9 +245,7 @@ FbPki *fb_pki_new(const char *name, int days, GError **error)
     ERR_clear_error();
     pki->key = EVP_EC_gen("P-256");
     pki->certificate = pki->key ? sign(NULL, pki->key, name, days, NULL) : NULL;
-    if (!pki->certificate && !failed(error, name))
-        return NULL;
-    return g_steal_pointer(&pki);
+    return pki->certificate || failed(error, name) ? g_steal_pointer(&pki) : NULL;
 }
 
 void fb_pki_free(FbPki *pki)

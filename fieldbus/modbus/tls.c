@@ -30,6 +30,7 @@ struct FbTlsStream {
 };
 
 static bool load(FbTls *tls, const CfgTls *files, GError **error);
+static bool refuse(GError **error, const char *file, const char *what);
 static BIO_METHOD *socket_method(void);
 static ssize_t judge(FbTlsStream *s, int result);
 static const char *reason(const FbTlsStream *s, int ssl_error);
@@ -44,7 +45,11 @@ FbTls *fb_tls_new(const CfgTls *files, bool server, GError **error)
     tls->server = server;
     tls->socket = socket_method();
     tls->context = SSL_CTX_new(server ? TLS_server_method() : TLS_client_method());
-    g_assert(tls->socket && tls->context);
+    if (!tls->socket || !tls->context) {
+        refuse(error, "OpenSSL", "cannot be used: is its configuration right?");
+        return NULL;
+    }
+    SSL_CTX_set_security_level(tls->context, 2); /* 112 bits: no SHA-1, no RSA below 2048 */
     SSL_CTX_set_min_proto_version(tls->context, TLS1_2_VERSION);
     SSL_CTX_set_cipher_list(tls->context, CIPHERS_OF_1_2);
     SSL_CTX_set_options(tls->context, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION |
