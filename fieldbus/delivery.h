@@ -93,8 +93,8 @@ const FbStatus *fb_delivery_status(const FbDelivery *delivery);
 /* What FB_TASK_SETUP has read; NULL before. */
 const FbSetup *fb_delivery_setup(const FbDelivery *delivery);
 
-/* The RELEASE to send before the connection is closed for good, refused where a run is on; NULL where
- * there is none to send: no lease, or no connection. */
+/* The RELEASE to send before the connection is closed for good, refused where a run is on; NULL
+ * where there is none to send: no lease, or no connection. */
 const FbRequest *fb_delivery_farewell(FbDelivery *delivery);
 
 #endif

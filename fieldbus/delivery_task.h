@@ -21,6 +21,8 @@ typedef struct {
 struct FbDelivery {
     FbDeliveryOptions options;
 
+    uint16_t chunk_most; /* of the carrier */
+
     FbLink link;
     int64_t deadline_us;              /* DOWN: to connect; CONNECTING: to give this connection up */
     FbFlight flights[FB_WINDOW_MOST]; /* oldest first */

@@ -38,7 +38,8 @@ enum {
     FB_OPTIONAL_STOP_BYTES = 2,
     FB_CHUNK_HEADER_BYTES = 24,
     FB_BEAT_BYTES = 20,
-    FB_CHUNK_BYTES = 4050, /* most bytes of the stream in one chunk, on any carrier */
+    FB_CHUNK_BYTES = 4050,       /* most bytes of the stream in one chunk, on any carrier */
+    FB_MODBUS_CHUNK_BYTES = 218, /* on Modbus: what a FC23 can write less the header */
     FB_BLOCK_BYTES = FB_CHUNK_HEADER_BYTES + FB_CHUNK_BYTES, /* largest block */
 
     FB_WINDOW_MOST = 16, /* requests in flight on a connection */

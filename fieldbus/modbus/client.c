@@ -87,6 +87,7 @@ static void send_request(void *transport, const FbRequest *request)
     size_t n_bytes;
     if (!c->mbap || c->n_flights == FB_WINDOW_MOST)
         return;
+    g_assert(request->n <= FB_CHUNK_HEADER_BYTES + FB_MODBUS_CHUNK_BYTES);
     find_answer(request, &at, &n_bytes);
     Flight *flight = &c->flights[c->n_flights++];
     *flight = (Flight){++c->transaction,
@@ -251,9 +252,11 @@ bool fb_modbus_client_attach(FbDriver *driver, const CfgTarget *target, GError *
                     target->address);
         ok = false;
     }
-    if (ok)
-        fb_driver_set_transport(driver, &transport, c);
-    else
+    if (!ok) {
         free_client(c);
-    return ok;
+        return false;
+    }
+    fb_delivery_limit_chunks(fb_driver_delivery(driver), FB_MODBUS_CHUNK_BYTES);
+    fb_driver_set_transport(driver, &transport, c);
+    return true;
 }

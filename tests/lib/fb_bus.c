@@ -141,6 +141,9 @@ static void send_request(Bus *b, unsigned agent, const FbRequest *request)
     memcpy(bytes, request->bytes, request->n);
     a->flights[a->n_flights++ % FB_WINDOW_MOST] = f.transaction;
     g_assert(a->n_flights <= FB_WINDOW_MOST);
+    g_assert(request->n <= (b->setup.carrier == BUS_CAN
+                                ? (size_t)FB_BLOCK_BYTES
+                                : FB_CHUNK_HEADER_BYTES + FB_MODBUS_CHUNK_BYTES));
     a->most_flights = MAX(a->most_flights, a->n_flights);
     if (spoil_request(b, fault, &f, bytes, request->n))
         return;
@@ -319,6 +322,8 @@ static void new_agent(Bus *b, unsigned agent)
                                                                          : CFG_DRIP_NEVER};
     fb_delivery_free(a->delivery);
     a->delivery = fb_delivery_new(&options, b->now_us);
+    if (b->setup.carrier == BUS_MODBUS)
+        fb_delivery_limit_chunks(a->delivery, FB_MODBUS_CHUNK_BYTES);
     a->wake_us = b->now_us;
     a->connection++;
     a->connect_us = INT64_MAX;

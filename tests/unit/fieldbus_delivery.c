@@ -283,6 +283,33 @@ static void no_bytes_of_another_program(void)
     g_assert_cmpuint(fb_receiver_counts(b->receiver)[FB_ANSWER_HASH], ==, 0);
 }
 
+/* A machine may publish what its carrier cannot take. */
+static void chunks_fit_their_carrier(void)
+{
+    static const BusSetup setup = {BUS_MODBUS, BUS_STORED, 4, FB_CHUNK_BYTES};
+    g_autoptr(Bus) b = bus_new(&setup, NULL, 0); /* which asserts it */
+    work(b);
+    work_settle(b);
+    work_check(b, 1 << END_DONE);
+}
+
+/* The credit that a gate brings is used before the next beat would tell of it. */
+static void credit_is_used_at_once(void)
+{
+    static const BusSetup setup = {BUS_MODBUS, BUS_DRIP, 4, 218};
+    g_autoptr(Bus) b = bus_new(&setup, NULL, 0);
+    start_run(b);
+    for (uint32_t gate = 1; gate < BUS_GATES - 1; gate++) {
+        while (b->on && b->progress.gate < gate)
+            bus_turn(b);
+        const uint64_t received = bus_status(b).received;
+        const int64_t since_us = b->now_us;
+        while (b->on && bus_status(b).received == received)
+            bus_turn(b);
+        g_assert_cmpint(b->now_us - since_us, <, 100000);
+    }
+}
+
 static void add(void)
 {
     g_test_add_func("/fieldbus/delivery/goes-on-from-received", goes_on_from_received);
@@ -292,6 +319,8 @@ static void add(void)
     g_test_add_func("/fieldbus/delivery/lease-of-another", lease_of_another_is_respected);
     g_test_add_func("/fieldbus/delivery/refusals-are-told", refusals_are_told);
     g_test_add_func("/fieldbus/delivery/start-of-another-epoch", start_of_another_epoch);
+    g_test_add_func("/fieldbus/delivery/chunks-fit-their-carrier", chunks_fit_their_carrier);
+    g_test_add_func("/fieldbus/delivery/credit-is-used-at-once", credit_is_used_at_once);
     g_test_add_func("/fieldbus/delivery/no-bytes-of-another-program", no_bytes_of_another_program);
 }
 
