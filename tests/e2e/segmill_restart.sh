@@ -84,6 +84,18 @@ other() {
     ok "without a description" json 0 "$segmill" send "$dir/three.ngc" --to "$to" --json
     ok "nothing is compared" finds note not-compared
     stop
+
+    other 's/^#program_memory_bytes = .*/program_memory_bytes = 1024/' machine.ini
+    cp "$dir/three.ngc" "$dir/small.ngc"
+    sed -i "s/^G1 X30/($(printf '%0200d' 0))\n($(printf '%0200d' 0))\n($(printf '%0200d' 0))\n&/" "$dir/three.ngc"
+    ok "larger than the memory: fed while it runs" json 0 $(send --start --json)
+    ok "which is noted" finds note drip
+    ok "the machine says so, too" shows drip true
+    sed 's/^\[link\]/&\ndrip = never/' "$dir/agent.ini" >"$dir/never.ini"
+    ok "unless that is forbidden" fails 8 'takes .* bytes with its gates and the machine has 1024' \
+        $(send --start) --config "$dir/never.ini"
+    mv "$dir/small.ngc" "$dir/three.ngc"
+    stop
 }
 
 # ------------------------------------------------------------------------------- restart
