@@ -101,8 +101,45 @@ static void hold_before_start(void)
     machine_clear(&m);
 }
 
+/* Whoever resumes a run that somebody else has started watches it, stops it, and hears how it
+ * ended. */
+static void watch(void)
+{
+    static const char program[] = "G0 X1\nM30\n";
+    const uint64_t end = sizeof program - 1;
+    Machine m;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(GBytes) bytes = g_bytes_new_static(program, sizeof program - 1);
+    if (!machine_init(&m))
+        return;
+    g_autofree char *address =
+        g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m.server));
+    const AgentOptions options = {.to = address};
+    AgentLink *starter = agent_link_open(&options, &error);
+    g_assert_no_error(error);
+    AgentExecution start = {.link = starter, .state = FB_N_STATES, .name = address};
+    bool good = starter && agent_execute_deliver(&start, bytes, &end, 1, &error);
+    g_assert_true(good);
+    if (good)
+        fb_session_start(starter->session);
+    while (good && g_atomic_int_get(&m.starts) == 0)
+        g_main_context_iteration(starter->context, TRUE);
+    AgentLink *link = agent_link_open(&options, &error);
+    if (good && link && agent_link_wait_status(link, &error)) {
+        AgentExecution other = {.link = link, .state = FB_N_STATES, .name = address};
+        fb_session_command(link->session, FB_COMMAND_HOLD, NULL);
+        g_assert_false(agent_execute_watch(&other, &error));
+        g_assert_error(error, FB_ERROR, FB_ERROR_ABORTED);
+    }
+    g_assert_cmpint(g_atomic_int_get(&m.holds), ==, 1);
+    agent_link_free(link);
+    agent_link_free(starter);
+    machine_clear(&m);
+}
+
 static void add(void)
 {
+    g_test_add_func("/agent/execute/watch", watch);
     g_test_add_func("/agent/execute/hold-before-start", hold_before_start);
 }
 
