@@ -1,24 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
- * The machine's Modbus TCP server, plain or in TLS. mbap.* frames each connection; here an ADU is
- * checked against section 2.9 of docs/protocol.md, its block is written to the receiver, and the
- * registers that it reads are copied out.
+ * The machine's Modbus TCP server, plain or in TLS: who is connected, and when the receiver is to
+ * be ticked. mbap.* frames each connection, slave.* answers its ADUs.
  */
 #include <gio/gio.h>
-#include <modbus.h>
-#include <string.h>
 #include <unistd.h>
 
-#include "fieldbus/modbus/mbap.h"
-#include "fieldbus/receiver.h"
+#include "fieldbus/modbus/slave.h"
 
 enum {
-    CHUNK_BYTES = 218, /* of the stream: what a FC23 can write less the chunk's header */
-    WRITE_BYTES = 242, /* what it can write: 121 registers */
-    MAX_CLIENTS = 16,  /* that are ready; as many again may be on their way to it */
-    BACKLOG = 64,      /* connections that wait to be accepted: a crowd must not keep a hold out */
-    READ_MOST = MODBUS_MAX_READ_REGISTERS,
-    UNIT_NOT_HERE = MODBUS_EXCEPTION_GATEWAY_TARGET,
+    MAX_CLIENTS = 16, /* that are ready; as many again may be on their way to it */
+    BACKLOG = 64,     /* connections that wait to be accepted: a crowd must not keep a hold out */
 };
 
 struct FbModbusServer {
@@ -26,179 +18,25 @@ struct FbModbusServer {
     GSource *accepting, *ticking;
     GMainContext *context;
     FbReceiver *receiver;
+    FbModbusSlave *slave;
     FbTls *tls; /* NULL: plain */
     void (*act)(FbDo what, void *data);
     void *data;
-    int unit_id;
-    GPtrArray *clients;  /* of FbMbap */
-    GArray *actions;     /* of FbDo */
-    uint64_t exceptions; /* answered */
-    uint64_t refused;    /* handshakes */
-    bool published;      /* ALARM, OFFSETS and TOOLS are in `map`, by these serials */
-    uint16_t alarm_serial, setup_serial;
-    uint8_t map[2 * FB_N_REGISTERS]; /* as it is read; the blocks that are written stay 0 */
+    GPtrArray *clients; /* of FbMbap */
+    GArray *actions;    /* of FbDo */
+    uint64_t refused;   /* handshakes */
 };
 
-/* What an ADU asks for; counts are 0 where it does not read or write. */
-typedef struct {
-    unsigned read_at, n_read, write_at, n_write;
-    const uint8_t *written;
-} Wish;
-
-static int parse(const uint8_t *pdu, size_t n, Wish *wish);
-static int check(const Wish *wish);
-static void write_block(FbModbusServer *s, FbRole role, const Wish *wish);
-static size_t answer(FbModbusServer *s, const uint8_t *pdu, const Wish *wish, uint8_t *out);
 static void tick(FbModbusServer *s);
 
 static void on_adu(FbMbap *client, const uint8_t *adu, size_t n, void *data)
 {
     FbModbusServer *s = data;
-    const int unit = adu[6];
-    const uint8_t *pdu = adu + FB_MBAP_HEADER_BYTES;
-    Wish wish = {0};
-    uint8_t out[FB_ADU_BYTES] = {adu[0], adu[1], 0, 0, 0, 0, adu[6]};
-    size_t n_out = FB_MBAP_HEADER_BYTES;
-    int exception = unit == s->unit_id || unit == 0 || unit == 255 ? 0 : UNIT_NOT_HERE;
-    if (!exception)
-        exception = parse(pdu, n - FB_MBAP_HEADER_BYTES, &wish);
-    if (!exception)
-        exception = check(&wish);
-    if (exception) {
-        s->exceptions++;
-        out[n_out++] = pdu[0] | 0x80;
-        out[n_out++] = (uint8_t)exception;
-    } else {
-        if (wish.n_write > 0)
-            write_block(s, fb_mbap_role(client), &wish);
-        n_out += answer(s, pdu, &wish, out + n_out);
-    }
-    out[5] = (uint8_t)(n_out - 6);
-    fb_mbap_send(client, out, n_out);
-}
-
-static unsigned u16(const uint8_t *p)
-{
-    return (unsigned)p[0] << 8 | p[1];
-}
-
-/* The exception, or 0. */
-static int parse(const uint8_t *pdu, size_t n, Wish *w)
-{
-    const uint8_t *write = NULL; /* at the address of the writing half */
-    switch (pdu[0]) {
-    case MODBUS_FC_READ_HOLDING_REGISTERS:
-    case MODBUS_FC_READ_INPUT_REGISTERS:
-        if (n != 5)
-            return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-        break;
-    case MODBUS_FC_WRITE_MULTIPLE_REGISTERS:
-        write = pdu + 1;
-        break;
-    case MODBUS_FC_WRITE_AND_READ_REGISTERS:
-        write = pdu + 5;
-        break;
-    default:
-        return MODBUS_EXCEPTION_ILLEGAL_FUNCTION;
-    }
-    const unsigned most =
-        write == pdu + 1 ? MODBUS_MAX_WRITE_REGISTERS : MODBUS_MAX_WR_WRITE_REGISTERS;
-    if (write) {
-        const size_t head = (size_t)(write - pdu) + 5;
-        if (n < head || u16(write + 2) < 1 || u16(write + 2) > most ||
-            write[4] != 2 * u16(write + 2) || n != head + write[4])
-            return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-        *w = (Wish){.write_at = u16(write), .n_write = u16(write + 2), .written = write + 5};
-    }
-    if (write != pdu + 1) {
-        w->read_at = u16(pdu + 1);
-        w->n_read = u16(pdu + 3);
-        if (w->n_read < 1 || w->n_read > READ_MOST)
-            return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-    }
-    return 0;
-}
-
-/* The blocks that may be written. */
-static const struct {
-    FbBlock block;
-    unsigned at, fewest, most;
-} blocks[] = {
-    {FB_BLOCK_COMMAND, FB_AT_COMMAND, FB_COMMAND_BYTES / 2, WRITE_BYTES / 2},
-    {FB_BLOCK_CHUNK, FB_AT_CHUNK, FB_CHUNK_HEADER_BYTES / 2 + 1, WRITE_BYTES / 2},
-    {FB_BLOCK_BEAT, FB_AT_BEAT, FB_BEAT_BYTES / 2, FB_BEAT_BYTES / 2},
-};
-
-/* The block that the wish writes; G_N_ELEMENTS(blocks) where there is none. */
-static size_t find_block(const Wish *w)
-{
-    size_t i = 0;
-    while (i < G_N_ELEMENTS(blocks) &&
-           !(w->write_at == blocks[i].at && w->n_write >= blocks[i].fewest &&
-             w->n_write <= blocks[i].most))
-        i++;
-    return i;
-}
-
-static int check(const Wish *w)
-{
-    if (w->n_read > 0 && w->read_at + w->n_read > FB_N_REGISTERS)
-        return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-    if (w->n_write > 0 && find_block(w) == G_N_ELEMENTS(blocks))
-        return MODBUS_EXCEPTION_ILLEGAL_DATA_ADDRESS;
-    return 0;
-}
-
-static void do_actions(FbModbusServer *s)
-{
-    for (guint i = 0; i < s->actions->len; i++)
-        s->act(g_array_index(s->actions, FbDo, i), s->data);
-    g_array_set_size(s->actions, 0);
-}
-
-static void write_block(FbModbusServer *s, FbRole role, const Wish *w)
-{
-    const FbBlock block = blocks[find_block(w)].block;
-    fb_receiver_write(s->receiver, role, block, w->written, 2 * (size_t)w->n_write,
-                      g_get_monotonic_time(), s->actions);
-    do_actions(s);
-    if (block != FB_BLOCK_CHUNK) /* the lease's times may have moved */
+    FbModbusAnswer answer;
+    fb_modbus_slave_adu(s->slave, fb_mbap_role(client), adu, n, g_get_monotonic_time(), &answer);
+    if (answer.times_moved)
         tick(s);
-}
-
-/* The map as it is now. What changes seldom has a serial number. */
-static void publish(FbModbusServer *s)
-{
-    FbStatus status;
-    const FbSetup *setup = fb_receiver_setup(s->receiver);
-    fb_receiver_status(s->receiver, g_get_monotonic_time(), &status);
-    status.chunk_max = CHUNK_BYTES;
-    fb_wire_put_status(s->map + 2 * FB_AT_STATUS, &status);
-    if (!s->published || status.alarm_serial != s->alarm_serial)
-        fb_wire_put_alarm(s->map + 2 * FB_AT_ALARM, &status);
-    if (!s->published || setup->serial != s->setup_serial) {
-        fb_wire_put_offsets(s->map + 2 * FB_AT_OFFSETS, setup);
-        for (unsigned page = 0; page < FB_TOOLS_PAGES; page++)
-            fb_wire_put_tools(s->map + 2 * (FB_AT_TOOLS + page * FB_TOOLS_PAGE_REGISTERS), setup,
-                              page);
-    }
-    s->published = true;
-    s->alarm_serial = status.alarm_serial;
-    s->setup_serial = setup->serial;
-}
-
-/* The PDU of the answer; its length. */
-static size_t answer(FbModbusServer *s, const uint8_t *pdu, const Wish *w, uint8_t *out)
-{
-    out[0] = pdu[0];
-    if (w->n_read == 0) {
-        memcpy(out + 1, pdu + 1, 4); /* where, and how many */
-        return 5;
-    }
-    publish(s);
-    out[1] = (uint8_t)(2 * w->n_read);
-    memcpy(out + 2, s->map + 2 * w->read_at, out[1]);
-    return 2 + (size_t)out[1];
+    fb_mbap_send(client, answer.bytes, answer.n);
 }
 
 /* ------------------------------------------------------------------- connections */
@@ -249,6 +87,13 @@ static gboolean on_accept(GSocket *listener, GIOCondition condition, gpointer da
     return G_SOURCE_CONTINUE;
 }
 
+static void do_actions(FbModbusServer *s)
+{
+    for (guint i = 0; i < s->actions->len; i++)
+        s->act(g_array_index(s->actions, FbDo, i), s->data);
+    g_array_set_size(s->actions, 0);
+}
+
 static void tick(FbModbusServer *s)
 {
     const int64_t next_us = fb_receiver_tick(s->receiver, g_get_monotonic_time(), s->actions);
@@ -296,7 +141,7 @@ FbModbusServer *fb_modbus_server_new(const FbModbusServerOptions *options, FbRec
     s->receiver = receiver;
     s->act = act;
     s->data = data;
-    s->unit_id = options->unit_id;
+    s->slave = fb_modbus_slave_new(options->unit_id, receiver, act, data);
     s->context = context ? g_main_context_ref(context) : NULL;
     s->clients = g_ptr_array_new_with_free_func((GDestroyNotify)fb_mbap_free);
     s->actions = g_array_new(FALSE, FALSE, sizeof(FbDo));
@@ -325,7 +170,7 @@ uint16_t fb_modbus_server_port(const FbModbusServer *s)
 
 uint64_t fb_modbus_server_exceptions(const FbModbusServer *s)
 {
-    return s->exceptions;
+    return fb_modbus_slave_exceptions(s->slave);
 }
 
 uint64_t fb_modbus_server_refused(const FbModbusServer *s)
@@ -351,6 +196,7 @@ void fb_modbus_server_free(FbModbusServer *s)
     g_array_unref(s->actions);
     g_clear_object(&s->listener);
     fb_tls_unref(s->tls);
+    fb_modbus_slave_free(s->slave);
     if (s->context)
         g_main_context_unref(s->context);
     g_free(s);
