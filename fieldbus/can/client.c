@@ -31,12 +31,13 @@ typedef struct {
     FbCanKind awaited_kind; /* and what it should be */
     FbCanKey beat_key;      /* of the machine's beats, */
     uint32_t next_beat;     /* from this count on */
-    FbState beat_state;     /* as the last one said */
-    uint8_t beat_flags;
+    FbCanMachineBeat heard; /* the last one, */
+    bool heard_new;         /* not compared with the status yet */
 } Client;
 
 static void on_message(Client *c, unsigned which, const uint8_t *bytes, size_t n);
 static void on_beat(Client *c, const FbCanFrame *frame);
+static void weigh_beat(Client *c);
 static void disconnect(void *transport);
 
 /* ------------------------------------------------------------------------- breaking */
@@ -177,7 +178,7 @@ static void take_welcome(Client *c, const uint8_t *bytes, size_t n)
     fb_can_derive(&c->keys, &c->agent->key, c->id, c->nonce, w.nonce);
     fb_can_beat_key(&c->beat_key, &c->agent->key, w.epoch);
     c->next_beat = w.beat_count;
-    c->beat_state = FB_STATE_UNKNOWN;
+    c->heard_new = false;
     c->fd = w.flags & FB_CAN_FLAG_FD && c->files[FD] >= 0;
     c->counter = c->awaited = 0;
     c->phase = OPEN;
@@ -198,12 +199,14 @@ static void on_message(Client *c, unsigned which, const uint8_t *bytes, size_t n
         counter != c->awaited)
         return;
     c->awaited = 0;
-    if (bytes[0] != c->awaited_kind)
+    if (bytes[0] != c->awaited_kind) {
         break_now(c, "an answer that the protocol does not allow");
-    else
-        fb_driver_event(
-            c->driver,
-            &(FbEvent){.kind = FB_EVENT_REPLY, .bytes = bytes + 1, .n = n - 1 - FB_CAN_SEAL_BYTES});
+        return;
+    }
+    fb_driver_event(
+        c->driver,
+        &(FbEvent){.kind = FB_EVENT_REPLY, .bytes = bytes + 1, .n = n - 1 - FB_CAN_SEAL_BYTES});
+    weigh_beat(c);
 }
 
 static gboolean on_readable(gint file, GIOCondition condition, gpointer data)
@@ -234,19 +237,29 @@ static gboolean on_readable(gint file, GIOCondition condition, gpointer data)
 
 /* --------------------------------------------------------------------------- frames */
 
-/* A beat decides nothing: where it says something new the status is read. */
+/* A beat decides nothing: where it says something else than the status, that is read again. Not
+ * before the answer that is awaited: it may say the same. Commands look for themselves. */
+static void weigh_beat(Client *c)
+{
+    const FbStatus *status = fb_delivery_status(fb_driver_delivery(c->driver));
+    if (c->phase != OPEN || c->awaited != 0 || !c->heard_new)
+        return;
+    c->heard_new = false;
+    if (c->channel == FB_CAN_WORK_CHANNEL &&
+        (c->heard.state != status->state || c->heard.flags != (uint8_t)fb_wire_flags(status)))
+        fb_driver_event(c->driver, &(FbEvent){.kind = FB_EVENT_NEWS});
+}
+
 static void on_beat(Client *c, const FbCanFrame *frame)
 {
     FbCanMachineBeat beat;
     if (c->phase != OPEN || frame->n != FB_CAN_FRAME_BYTES ||
         !fb_can_get_beat(frame->bytes, &c->beat_key, c->next_beat, &beat))
         return;
-    const bool news = beat.state != c->beat_state || beat.flags != c->beat_flags;
     c->next_beat = beat.count + 1;
-    c->beat_state = beat.state;
-    c->beat_flags = beat.flags;
-    if (news)
-        fb_driver_event(c->driver, &(FbEvent){.kind = FB_EVENT_NEWS});
+    c->heard = beat;
+    c->heard_new = true;
+    weigh_beat(c);
 }
 
 static gboolean on_frame(gint file, GIOCondition condition, gpointer data)

@@ -2,6 +2,7 @@
 /* Keys, openings, seals and frames of CAN against docs/protocol-can.md: its tables and its example,
  * whose bytes come from another implementation. */
 #include <glib/gstdio.h>
+#include <sys/stat.h>
 
 #include "fieldbus/can/seal.h"
 #include "tests/unit/fieldbus_rig.h"
@@ -237,7 +238,7 @@ static bool load(const char *folder, const char *text, mode_t mode, FbCanKey *ke
     g_autoptr(GError) error = NULL;
     g_unlink(path);
     g_file_set_contents(path, text, -1, NULL);
-    g_chmod(path, (int)mode);
+    chmod(path, mode);
     const bool loaded = fb_can_key_load(key, path, &error);
     if (!loaded) {
         g_assert_error(error, FB_ERROR, FB_ERROR_CREDENTIALS);
