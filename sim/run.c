@@ -16,6 +16,7 @@ static bool find_section(SimController *c, GArray *actions);
 static void enter_program(SimController *c);
 static bool enter_pass(SimController *c, GArray *actions);
 static void begin_move(SimController *c, GArray *actions);
+static void turn_spindle(SimController *c, double rpm);
 static void wait_for_spindle(SimController *c);
 static void prepare_gate_stop(SimController *c);
 static void wait_for(SimController *c, SimWait wait);
@@ -266,9 +267,7 @@ static void begin_move(SimController *c, GArray *actions)
     const NcMove *move = &c->drive.program->moves[c->drive.move];
     const bool change = move->kind == NC_MOVE_TOOL_CHANGE;
     c->work_offset = move->work_offset;
-    sim_spindle_turn(&c->spindle,
-                     nc_override_rpm(c->options.machine, c->override, move->spindle_rpm),
-                     c->time_s);
+    turn_spindle(c, move->spindle_rpm);
     if (c->drive.mode != SIM_FOLLOW)
         return;
     if (change && c->state != FB_STATE_TOOL_CHANGE)
@@ -276,6 +275,12 @@ static void begin_move(SimController *c, GArray *actions)
     else if (!change && c->state != FB_STATE_RUNNING)
         sim_run_tell(c, FB_STATE_RUNNING, FB_MACHINE_RUNNING, actions);
     wait_for_spindle(c);
+}
+
+static void turn_spindle(SimController *c, double rpm)
+{
+    c->programmed_rpm = rpm;
+    sim_spindle_turn(&c->spindle, nc_override_rpm(c->options.machine, c->override, rpm), c->time_s);
 }
 
 /* The plan gives a change of speed the time from one programmed speed to the other. After an
@@ -297,12 +302,7 @@ void sim_run_override(SimController *c, GArray *actions)
 {
     if (!c->in_run)
         return;
-    if (c->drive.program && c->drive.move < c->drive.program->n) {
-        const double rpm = c->drive.program->moves[c->drive.move].spindle_rpm;
-        if (c->spindle.to_rpm != 0)
-            sim_spindle_turn(&c->spindle, nc_override_rpm(c->options.machine, c->override, rpm),
-                             c->time_s);
-    }
+    turn_spindle(c, c->programmed_rpm);
     if (c->wait == SIM_WAIT_PLAN)
         sim_run_set_off(c, actions);
 }
@@ -436,6 +436,7 @@ static void end_run(SimController *c)
     c->stop = SIM_NO_STOP;
     c->budget_s = 0;
     wait_for(c, SIM_NO_WAIT);
+    c->programmed_rpm = 0;
     sim_spindle_stop(&c->spindle);
     sim_drive_leave(&c->drive);
     sim_run_drop_passes(c);

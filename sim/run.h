@@ -46,6 +46,7 @@ struct SimController {
     size_t begin;     /* gate of RESTART; 0: START */
     SimDrive drive;   /* program NULL: between two sections */
     SimSpindle spindle;
+    double programmed_rpm;
     double time_s;   /* the program's clock */
     double budget_s; /* granted by the clock passed in, not yet used */
     double block_start_s;

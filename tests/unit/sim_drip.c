@@ -267,7 +267,7 @@ static void through_small_memory(void)
     static const struct {
         CfgDrip drip;
         double speed;
-    } runs[] = {{CFG_DRIP_NEVER, INFINITY}, {CFG_DRIP_ALWAYS, 12}, {CFG_DRIP_AUTO, INFINITY}};
+    } runs[] = {{CFG_DRIP_NEVER, INFINITY}, {CFG_DRIP_ALWAYS, 16}, {CFG_DRIP_AUTO, INFINITY}};
     g_autofree char *stored = NULL;
     g_assert_cmpuint(program.text->len, >, 8 * 3000);
     for (size_t i = 0; i < G_N_ELEMENTS(runs); i++) {
@@ -328,7 +328,7 @@ static void wrong_running_hash(void)
     g_auto(Dripped) program = dripped_new(300, NULL);
     const uint64_t *gates = (const uint64_t *)(const void *)program.gates->data;
     Cell cell;
-    if (cell_init_dripping(&cell, 5, 30, 40 * 300 + 2000, CFG_DRIP_ALWAYS)) {
+    if (cell_init_dripping(&cell, 20, 30, 40 * 300 + 2000, CFG_DRIP_ALWAYS)) {
         sim_machine_press(cell.machine, SIM_ACKNOWLEDGE);
         g_autoptr(GBytes) bytes = g_bytes_new_static(program.text->str, program.text->len);
         fb_session_deliver(cell.session, bytes, gates, program.gates->len);
