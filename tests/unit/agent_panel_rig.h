@@ -37,6 +37,7 @@ static inline void tell(Rig *r, const AgentPanelEvent *event, int64_t now_us)
     r->wake_us = out.wake_us;
     r->lamp = out.lamp;
     g_assert_false(out.start && out.hold);
+    g_assert_true(!r->panel.armed || (r->panel.ready && agent_panel_fault(&r->panel) == 0));
     g_assert_true(out.wake_us > now_us || event->kind == AGENT_PANEL_EDGE);
 }
 
@@ -70,8 +71,10 @@ static const struct {
     {"ready", {.kind = AGENT_PANEL_STATUS}, FB_STATE_READY, 1, false},
     {"other", {.kind = AGENT_PANEL_STATUS}, FB_STATE_READY, 2, false},
     {"needs-ack", {.kind = AGENT_PANEL_STATUS}, FB_STATE_READY, 1, true},
+    {"empty", {.kind = AGENT_PANEL_STATUS}, FB_STATE_READY, 0, false},
     {"idle", {.kind = AGENT_PANEL_STATUS}, FB_STATE_IDLE, 0, false},
     {"running", {.kind = AGENT_PANEL_STATUS}, FB_STATE_RUNNING, 1, false},
+    {"tool-change", {.kind = AGENT_PANEL_STATUS}, FB_STATE_TOOL_CHANGE, 1, false},
     {"holding", {.kind = AGENT_PANEL_STATUS}, FB_STATE_HOLDING, 1, false},
     {"held", {.kind = AGENT_PANEL_STATUS}, FB_STATE_HELD, 1, false},
     {"complete", {.kind = AGENT_PANEL_STATUS}, FB_STATE_COMPLETE, 1, false},
