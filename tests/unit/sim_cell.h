@@ -112,6 +112,20 @@ static inline bool wait_state(Cell *cell, FbState state)
     return reached == state;
 }
 
+/* Serves both ends until the feed is shown, in a line from this one on. */
+static inline void wait_feed(Cell *cell, uint32_t line, double feed_mm_min)
+{
+    guint timer = g_timeout_add(10, wake, NULL);
+    int64_t end_us = g_get_monotonic_time() + 30000000;
+    const FbStatus *status = fb_session_status(cell->session);
+    while ((status->line < line || fabs(status->feed_mm_min - feed_mm_min) > 1e-6) &&
+           g_get_monotonic_time() < end_us) {
+        g_main_context_iteration(NULL, TRUE);
+        status = fb_session_status(cell->session);
+    }
+    g_source_remove(timer);
+}
+
 static inline bool wait_done(Cell *cell, FbTask task)
 {
     guint timer = g_timeout_add(10, wake, NULL);

@@ -175,6 +175,111 @@ static void link_is_served(void)
     cell_clear(&cell);
 }
 
+/* RESTART over the link: at a gate it is done, elsewhere the receiver refuses. */
+static void restarted(void)
+{
+    const char *text = "G21 G90\nT1 M6\nS3000 M3\nG53 G0 X10\nG53 G1 Z-20 F600\n"
+                       "G53 G0 Z0\nG53 G1 X30 Z-5\nG53 G0 Z0\nM30\n";
+    const uint64_t gates[] = {(uint64_t)(strstr(text, "G53 G1 X30") - text), strlen(text)};
+    static const struct {
+        uint32_t gate;
+        int64_t off;
+        const char *answer;
+    } wrong[] = {{1, 1, "GATE"}, {2, 0, "GATE"}, {3, 0, "GATE"}};
+    Cell cell;
+    if (cell_init(&cell, INFINITY, 30) && ready(&cell, text, gates, 2)) {
+        for (size_t i = 0; i < G_N_ELEMENTS(wrong); i++) {
+            FbStored stored = {.gate = wrong[i].gate,
+                               .gate_offset =
+                                   gates[MIN(wrong[i].gate, 2) - 1] + (uint64_t)wrong[i].off};
+            fb_session_start_stored(cell.session, &stored);
+            wait_done(&cell, FB_TASK_RUN);
+            g_assert_error(cell.error, FB_ERROR, FB_ERROR_REFUSED);
+            if (cell.error)
+                g_assert_nonnull(strstr(cell.error->message, wrong[i].answer));
+            g_assert_cmpuint(fb_session_status(cell.session)->run, ==, 0);
+        }
+        fb_session_start_stored(cell.session, &(FbStored){.gate = 1, .gate_offset = gates[0]});
+        wait_done(&cell, FB_TASK_RUN);
+        g_assert_no_error(cell.error);
+        const FbStatus status = *fb_session_status(cell.session);
+        g_assert_cmpint(status.state, ==, FB_STATE_COMPLETE);
+        g_assert_cmpuint(status.executed_blocks, ==, 3);
+        g_assert_cmpuint(status.gate, ==, 2);
+        g_assert_cmpint(status.tool, ==, 1);
+        g_autofree char *log = read_log(&cell);
+        static const char *const order[] = {
+            "{\"way\":\"spindle\"", "\"position_mm\":[10,0,0],\"tool\":1,\"spindle_rpm\":3000}",
+            "{\"line\":7,"};
+        const char *at = log;
+        for (size_t i = 0; at && i < G_N_ELEMENTS(order); i++)
+            at = strstr(at, order[i]);
+        g_assert_nonnull(at);
+        g_assert_null(strstr(log, "{\"line\":6,"));
+    }
+    cell_clear(&cell);
+}
+
+/* The overrides of the link reach a run, and one that begins later. */
+static void overridden(void)
+{
+    Cell cell;
+    if (cell_init(&cell, 1, 30) &&
+        ready(&cell, "G21 G90 S3000 M3\nG53 G1 X400 F1200\nM30\n", NULL, 0)) {
+        FbArguments turn = {.feed_percent = 50, .rapid_percent = 100, .spindle_percent = 120};
+        fb_session_command(cell.session, FB_COMMAND_OVERRIDE, &turn);
+        wait_done(&cell, FB_TASK_COMMAND);
+        g_assert_no_error(cell.error);
+        fb_session_start(cell.session);
+        wait_feed(&cell, 2, 600);
+        g_assert_cmpfloat(fb_session_status(cell.session)->feed_mm_min, ==, 600);
+        g_assert_cmpfloat(fb_session_status(cell.session)->spindle_rpm, ==, 3600);
+        turn.feed_percent = 200;
+        fb_session_command(cell.session, FB_COMMAND_OVERRIDE, &turn);
+        wait_feed(&cell, 2, 2400);
+        g_assert_cmpfloat(fb_session_status(cell.session)->feed_mm_min, ==, 2400);
+        turn.feed_percent = 0;
+        fb_session_command(cell.session, FB_COMMAND_OVERRIDE, &turn);
+        wait_feed(&cell, 2, 0);
+        g_assert_cmpint(fb_session_status(cell.session)->state, ==, FB_STATE_RUNNING);
+        fb_session_command(cell.session, FB_COMMAND_ABORT, NULL);
+        wait_state(&cell, FB_STATE_READY);
+        g_autofree char *log = read_log(&cell);
+        g_assert_nonnull(strstr(log, "{\"override\":{\"feed\":50,\"rapid\":100,\"spindle\":120},"
+                                     "\"time_s\":0}"));
+        g_assert_nonnull(strstr(log, "{\"override\":{\"feed\":200,"));
+    }
+    cell_clear(&cell);
+}
+
+/* The worst case for planning anew: a program of 300 000 moves that runs. */
+static void overridden_and_long(void)
+{
+    enum { LINES = 300000 };
+    g_autoptr(GString) text = g_string_new("G21 G90 G64 P0.01 F600 G53 G1 X0.01\n");
+    for (int i = 0; i < LINES; i++)
+        g_string_append_printf(text, "G53 X%d.%d\n", i % 7, i % 9);
+    g_string_append(text, "M30\n");
+    Cell cell;
+    if (cell_init(&cell, 1, 30) && ready(&cell, text->str, NULL, 0)) {
+        fb_session_start(cell.session);
+        wait_feed(&cell, 3, 600);
+        const int64_t from_us = g_get_monotonic_time();
+        cell.longest_us = 0;
+        FbArguments turn = {.feed_percent = 10, .rapid_percent = 100, .spindle_percent = 100};
+        fb_session_command(cell.session, FB_COMMAND_OVERRIDE, &turn);
+        wait_feed(&cell, 3, 60);
+        g_test_message("in force after %.0f ms, longest silence %.0f ms",
+                       (double)(g_get_monotonic_time() - from_us) / 1000,
+                       (double)cell.longest_us / 1000);
+        g_assert_cmpfloat(fb_session_status(cell.session)->feed_mm_min, ==, 60);
+        g_assert_cmpint(cell.longest_us, <, 1000000);
+        fb_session_command(cell.session, FB_COMMAND_ABORT, NULL);
+        wait_state(&cell, FB_STATE_READY);
+    }
+    cell_clear(&cell);
+}
+
 static void closed_while_examining(void)
 {
     g_autoptr(GString) text = g_string_new("G21 G90 F600 G53 G1 X1\n");
@@ -204,6 +309,9 @@ static void add(void)
     g_test_add_func("/sim/machine/estop", emergency_stop);
     g_test_add_func("/sim/machine/agent-lost", agent_lost);
     g_test_add_func("/sim/machine/link-is-served", link_is_served);
+    g_test_add_func("/sim/machine/restarted", restarted);
+    g_test_add_func("/sim/machine/overridden", overridden);
+    g_test_add_func("/sim/machine/overridden-and-long", overridden_and_long);
     g_test_add_func("/sim/machine/closed-while-examining", closed_while_examining);
 }
 
