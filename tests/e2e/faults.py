@@ -28,8 +28,6 @@ from proxy import FAULTS, Fate, Proxy
 LATE_S = 0.25      # a delayed frame; segmill waits 0.1 s for an answer
 AT_ONCE = 5        # cases side by side: they mostly wait
 REFUSED, LINK_LOST = 4, 7
-PROGRAM = cell.program()
-SHA256 = hashlib.sha256(PROGRAM).digest()
 Target = collections.namedtuple("Target", "direction name fault bit", defaults=(0,))
 
 
@@ -49,10 +47,12 @@ class Case:
         self.options, self.targets = options, list(targets)
         self.folder = Path(tempfile.mkdtemp(prefix="faults."))
         self.file = self.folder / "program.ngc"
-        self.file.write_bytes(PROGRAM)
-        memory = 800 if options.drip == "always" else 1 << 20
-        self.machine = cell.Machine(self.folder, options.speed, memory_bytes=memory)
-        self.frames, self.running_since = [], None
+        self.drips = options.drip != "never"
+        self.program = cell.program(cuts=20 if self.drips else 3)
+        self.file.write_bytes(self.program)
+        self.machine = cell.Machine(self.folder, options.speed,
+                                    memory_bytes=2048 if self.drips else 1 << 20)
+        self.frames = []
 
     def judge(self, frame):
         self.frames.append((frame.direction, frame.name))
@@ -94,6 +94,8 @@ class Case:
 
     def person(self, last, status):
         """What is right to do now; None: nothing."""
+        if status["state"] == "HELD" and status["received"] < status["length"]:
+            return lambda: self.agent.call("abort")  # nobody has the rest of it any more
         if status["state"] == "HELD":
             return lambda: self.agent.call("resume")
         if last != 0 and status["run"] == 0 and last != LINK_LOST:
@@ -127,13 +129,20 @@ def judge(case, faults, outcome, whole):
         need("restarted" in str(case.report.get("error")), f"the reason given: {case.report}")
         need(len(lines) == 2 and not lines[1] and status["run"] == 0, f"after a reboot: {lines}")
         return "stopped, the machine's state is UNKNOWN"
+    if case.drips and "killed" in faults and sum(map(len, lines)) < len(whole):
+        need(status["state"] == "IDLE" and status["run_end"] == 2, f"{status['state']}")
+        need(status["executed_blocks"] == len(lines[0]), f"counts {status['executed_blocks']}")
+        need(lines[0][-1:] < [status["stop_line"]] <= whole[len(lines[0]):][:1],
+             f"executed to {lines[0][-1:]}, stopped before line {status['stop_line']}")
+        return "stopped by a person, for want of the rest"
     need(sum(map(len, lines)) == len(whole), f"executed {lines}, {last} {case.report}")
     need(last == 0 or "killed" in faults, f"ends with {last}: {case.report}")
     need(status["state"] in ("COMPLETE", "READY", "IDLE"), f"the machine is {status['state']}")
     if status["state"] in ("COMPLETE", "READY") and any(lines[-1:]):
-        need(status["id"] == SHA256, "another program is on the machine")
+        sha256 = hashlib.sha256(case.program).digest()
+        need(status["id"] == sha256, "another program is on the machine")
         need(status["executed_blocks"] == len(whole), f"counts {status['executed_blocks']}")
-        need(status["sha256"] == SHA256 or case.options.drip == "always", "another hash")
+        need(status["sha256"] == sha256 or case.drips, "another hash")
     if not faults & {"rebooted", "killed"}:
         need(first == 0, f"a fault of the link ends it: {case.first_report}")
     return "once, without help" if first == 0 else "once, a person went on"

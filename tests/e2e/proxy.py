@@ -211,16 +211,18 @@ class Link:
                 return
             if (wait := due - time.monotonic()) > 0:
                 await asyncio.sleep(wait)
+            if writer.is_closing():  # an agent that has gone away does not take back what it sent
+                if to_machine:
+                    self.ended.set()
+                    return
+                continue
             if self.proxy.capture:
                 self.proxy.capture.passed(self.peer, to_machine, adu)
             try:
                 writer.write(adu)
                 await writer.drain()
             except ConnectionError:
-                # An agent that has gone away does not take back what it sent.
-                if to_machine:
-                    self.ended.set()
-                    return
+                pass
 
 
 class RandomFaults:
