@@ -218,7 +218,7 @@ static inline FbSession *new_can_session(CanCell *c, FbCanBus bus, const FbCanKe
 {
     const CfgAgent agent = {.reply_timeout_s = reply_timeout_s,
                             .reconnect_s = 0.02,
-                            .give_up_s = 5,
+                            .give_up_s = 2,
                             .heartbeat_s = 0.05,
                             .window = 8};
     const FbSessionCallbacks callbacks = {on_status, on_done, &c->cell};
