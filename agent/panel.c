@@ -41,6 +41,8 @@ typedef struct {
     /* as told to a person last */
     FbState state;
     AgentFault fault;
+    bool hold_wanted;
+    char *hold_error; /* of this hold; NULL: none */
     bool armed, lamp;
 } Panel;
 
@@ -93,6 +95,15 @@ static bool is_before_start(const GError *error)
            !g_error_matches(error, FB_ERROR, FB_ERROR_LINK_LOST);
 }
 
+/* A hold is asked for ten times a second: what is in its way is told when it changes. */
+static void tell_hold_error(Panel *p, const GError *error)
+{
+    if (error && g_strcmp0(p->hold_error, error->message) != 0)
+        agent_progress_note("%s", error->message);
+    g_free(p->hold_error);
+    p->hold_error = error ? g_strdup(error->message) : NULL;
+}
+
 static void take_ends(Panel *p)
 {
     g_autoptr(GError) run_error = NULL;
@@ -103,8 +114,7 @@ static void take_ends(Panel *p)
                                    .refused = is_before_start(run_error)});
     }
     if (take_end(p, FB_TASK_COMMAND, &hold_error)) {
-        if (hold_error)
-            agent_progress_note("%s", hold_error->message);
+        tell_hold_error(p, hold_error);
         step(p, &(AgentPanelEvent){.kind = AGENT_PANEL_HOLD_ANSWERED});
     }
 }
@@ -147,7 +157,6 @@ static void start(Panel *p)
 
 static void hold(Panel *p)
 {
-    agent_progress_note("asking for a hold");
     p->holds++;
     p->link->done[FB_TASK_COMMAND] = false;
     fb_session_command(p->link->session, FB_COMMAND_HOLD, NULL);
@@ -203,6 +212,11 @@ static void tell(Panel *p)
     if (p->machine.armed && !p->armed)
         agent_progress_note("armed: start runs program %02x%02x%02x%02x", p->machine.id[0],
                             p->machine.id[1], p->machine.id[2], p->machine.id[3]);
+    if (p->machine.hold_wanted && !p->hold_wanted) {
+        agent_progress_note("asking for a hold");
+        g_clear_pointer(&p->hold_error, g_free);
+    }
+    p->hold_wanted = p->machine.hold_wanted;
     p->fault = fault;
     p->state = p->machine.state;
     p->armed = p->machine.armed;
@@ -315,11 +329,13 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
         .statuses = g_array_new(false, false, sizeof(FbStatus)),
         .state = FB_STATE_UNKNOWN,
     };
+    g_source_destroy(link->patience); /* nothing is given up here */
     link->status = on_status;
     link->data = &panel;
     const bool ok = run_panel(&panel, error);
     link->status = NULL;
     g_array_unref(panel.statuses);
+    g_free(panel.hold_error);
     if (!ok)
         return false;
     agent_progress_note(panel.machine.started

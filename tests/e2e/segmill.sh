@@ -9,7 +9,7 @@ cd "$(dirname "$0")/../.." || exit 1
 # ------------------------------------------------------------------------------ usage
 ok "help names every command" says 0 "segmill restart\|segmill segment" "$segmill" --help
 for command in init segment plan estimate send run hold resume abort override optional-stop \
-    restart status; do
+    restart panel status; do
     ok "help $command" says 0 "segmill $command " "$segmill" help "$command"
     ok "$command --help" says 0 "Options:" "$segmill" "$command" --help
     ok "$command without arguments" fails 2 "is missing" "$segmill" "$command"
@@ -141,6 +141,12 @@ sed 's/^give_up_s.*/give_up_s = 2/' "$dir/agent.ini" >"$dir/patient.ini"
 ok "whoever waits is told so" fails 4 'is not reachable' \
     "$segmill" hold --to mill --config "$dir/patient.ini"
 ok "after a second" grep -q 'no answer from modbus://127.0.0.1:1 yet' "$dir/stderr"
+ok "no panel configured" fails 3 'chip, start, hold and lamp' \
+    "$segmill" panel --to mill --config "$dir/agent.ini"
+printf '%s\n' '[panel]' 'chip = gpiochip99' 'start = 0' 'hold = 1' 'lamp = 2' |
+    cat - "$dir/agent.ini" >"$dir/panel.ini"
+ok "no such chip" fails 3 'chip = gpiochip99: No such file' \
+    "$segmill" panel --to mill --config "$dir/panel.ini"
 ok "optional stop is on or off" fails 2 "'maybe' is neither on nor off" \
     "$segmill" optional-stop maybe --to mill --config "$dir/agent.ini"
 ok "unreachable is found before planning" test ! -e "$dir/x"

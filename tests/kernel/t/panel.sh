@@ -39,7 +39,7 @@ said() { # said WORD: by the panel, within 5 s
     within 5 grep -q -e "$1" "$dir/panel.err" || { cat "$dir/panel.err" && return 1; }
 }
 panel_begins() {
-    "$segmill" panel --to sim --config "$dir/agent.ini" >"$dir/panel.out" 2>"$dir/panel.err" &
+    "$segmill" panel --json --to sim --config "$dir/agent.ini" >"$dir/panel.out" 2>"$dir/panel.err" &
     panel_pid=$!
     pids+=("$panel_pid")
     within 5 gpio_held "$chip" "segmill lamp" || { cat "$dir/panel.err" && return 1; }
@@ -158,7 +158,7 @@ for edges in 1 49; do
     release "$lines" $start
     sleep 0.3
     ok "one, and none by letting go" runs $((before + 1))
-    agent abort
+    agent abort >/dev/null
     ok "READY again" within 5 is $READY
 done
 
@@ -196,7 +196,8 @@ within 5 is $RUNNING
 ok "the panel ends" panel_ends TERM
 ok "and touches no run" is $RUNNING
 ok "which it says" said "the run goes on without its heartbeats"
-ok "and what it did" grep -qx '5 starts, 3 holds' "$dir/panel.out"
+ok "and what it did" python3 tests/e2e/schema.py docs/schema/result.json "$dir/panel.out"
+ok "exactly" test "$(tr -d ' \n' <"$dir/panel.out")" = '{"command":"panel","starts":5,"holds":3}'
 ok "the lines are free" not gpio_held "$chip" "segmill lamp"
 ok "the lamp is dark" test "$(line "$lines" $lamp)" = 0
 agent abort >/dev/null
