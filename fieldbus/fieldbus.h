@@ -192,7 +192,7 @@ typedef struct {
 } FbTool;
 
 typedef struct {
-    uint16_t serial;
+    uint16_t serial; /* 0: the machine publishes none of this */
     uint16_t n_tools;
     FbTool tools[FB_TOOLS_MOST]; /* ascending by number */
     uint16_t work_offset;        /* in force: 54 … 59 */

@@ -482,7 +482,7 @@ void fb_receiver_set_setup(FbReceiver *r, const FbSetup *setup)
 {
     const uint16_t serial = r->setup.serial;
     r->setup = *setup;
-    r->setup.serial = (uint16_t)(serial + 1);
+    r->setup.serial = serial == UINT16_MAX ? 1 : (uint16_t)(serial + 1);
 }
 
 int64_t fb_receiver_tick(FbReceiver *r, int64_t now_us, GArray *actions)
