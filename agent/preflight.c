@@ -237,6 +237,8 @@ static void check_memory(const AgentPreflight *flight, GArray *findings)
     uint64_t whole = g_bytes_get_size(program->bytes) + GATE_BYTES * program->n_gates;
     uint64_t pass = longest_pass(program) + DRIP_GATE_BYTES * program->n_gates;
     bool too_large = whole > memory;
+    if (memory == 0)
+        return; /* the machine does not say */
     if (flight->drip == CFG_DRIP_NEVER && too_large) {
         add(findings, AGENT_CAUTION, "memory",
             "the program takes %" G_GUINT64_FORMAT " bytes with its gates and the machine has "

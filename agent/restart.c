@@ -176,6 +176,12 @@ static bool find_gate(const AgentOptions *options, const FbStatus *status, const
                       uint32_t *number, GError **error)
 {
     const NcProgram *program = restart->kept->program;
+    if (program->n_gates == 1) {
+        g_set_error(error, AGENT_ERROR, AGENT_ERROR_USAGE,
+                    "the program has no gate but its end; begin from the top with `segmill send "
+                    "--start`, and with --machine FILE, which finds its gates");
+        return false;
+    }
     bool last = strcmp(options->at, "last") == 0;
     guint64 wanted = last ? status->gate : 0;
     if (last && status->gate == 0) {

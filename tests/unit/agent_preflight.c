@@ -137,6 +137,10 @@ static void drips(Case *c)
 {
     c->status.memory_bytes = 800 + 3 * 40;
 }
+static void unknown_memory(Case *c)
+{
+    c->status.memory_bytes = 0;
+}
 static void pass_too_large(Case *c)
 {
     c->status.memory_bytes = 800 + 3 * 40 - 1;
@@ -172,6 +176,7 @@ static const struct {
     {"empty table", empty_table, AGENT_CAUTION, "tool-missing", {"T3", "not in the machine's"}},
     {"undescribed", undescribed, AGENT_NOTE, "not-compared", {"not compared"}},
     {"fits", fits_exactly, 0, NULL, {0}},
+    {"unknown memory", unknown_memory, 0, NULL, {0}},
     {"too large", too_large, AGENT_CAUTION, "memory", {"1024 bytes", "1023", "drip = auto"}},
     {"drips", drips, AGENT_NOTE, "drip", {"larger than the machine's memory"}},
     {"long pass", pass_too_large, AGENT_CAUTION, "pass-memory", {"920 bytes", "919"}},
