@@ -27,7 +27,7 @@ check: all  ## every quick test: under 15 minutes on two cores
 	fi
 
 .PHONY: check-ci
-check-ci: check-asan check-clang check-mutants check-judges check-kernel  ## the longer proofs: under 45 minutes
+check-ci: check-asan check-clang check-mutants check-sweep check-judges check-kernel  ## the longer proofs: under 45 minutes
 check-ci: export KERNEL_USE = uml
 
 # Open CASCADE's own leaks are suppressed by library; nothing of ours is.
@@ -51,6 +51,12 @@ check-mutants: all
 	$(Q)$(SUBMAKE) tests-built
 	$(Q)SEGMILL_MUTANTS=1000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
 
+# Several faults in one delivery, others each time; the seed is printed.
+.PHONY: check-sweep
+check-sweep: all
+	$(Q)$(SUBMAKE) $(BUILD)/tests/fieldbus_faults
+	$(Q)SEGMILL_SWEEP=300000 $(PROVE) -v -e '' $(BUILD)/tests/fieldbus_faults
+
 .PHONY: check-judges
 check-judges: all
 	$(Q)$(SUBMAKE) tests-built
@@ -69,6 +75,7 @@ check-kernel: all  ## CAN and GPIO: on this host if it has both, else in a kerne
 soak: all  ## hours of the same: ten thousand damaged files, long fuzzing, thousands of programs
 	$(Q)$(SUBMAKE) tests-built
 	$(Q)SEGMILL_MUTANTS=10000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
+	$(Q)SEGMILL_SWEEP=10000000 $(PROVE) -v -e '' $(BUILD)/tests/fieldbus_faults
 	$(Q)SEGMILL_SOAK=2000 $(PROVE) -e bash tests/ci/soak.sh
 	$(Q)$(MAKE) --no-print-directory check-clang FUZZ_SECONDS=1800
 

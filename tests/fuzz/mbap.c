@@ -69,7 +69,7 @@ static unsigned u16(const uint8_t *p)
 /* The next ADU of a stream: its bytes; 0: not whole; -1: impossible. */
 static int next_adu(const uint8_t *bytes, size_t n)
 {
-    if (n < FB_MBAP_HEADER_BYTES)
+    if (n < 6)
         return 0;
     const unsigned length = u16(bytes + 4);
     if (u16(bytes + 2) != 0 || length < 2 || length > 254)
