@@ -42,6 +42,7 @@ void fb_can_slave_message(FbCanSlave *s, const FbCanMessage *m, const uint8_t *n
                           int64_t now_us, GArray *actions, FbCanAnswer *answer)
 {
     answer->n = 0;
+    answer->fd = false;
     g_assert(m->agent < s->options.agents);
     Channel *channel = &s->channels[m->agent][m->channel];
     if (m->n > 0 && m->bytes[0] == FB_CAN_HELLO) {
@@ -209,6 +210,7 @@ void fb_can_slave_stop(FbCanSlave *s, unsigned agent, const uint8_t *bytes, size
     uint8_t block[FB_BLOCK_BYTES];
     FbOrder order = {0};
     answer->n = 0;
+    answer->fd = false;
     g_assert(agent < s->options.agents);
     Opening *opening = &s->channels[agent][FB_CAN_CONTROL_CHANNEL].confirmed;
     if (n != FB_CAN_FRAME_BYTES) {

@@ -104,7 +104,8 @@ static void stranger(Rig *rig, const Step *step, FbCanAnswer *answer)
 
 static void hello(Rig *rig, const Step *step, FbCanAnswer *answer)
 {
-    FbCanHello h = {.version = FB_PROTOCOL_VERSION, .flags = step->fd, .session = 1};
+    FbCanHello h = {
+        .version = FB_PROTOCOL_VERSION, .flags = step->fd, .session = 1 + step->channel};
     FbCanWelcome w;
     uint8_t message[FB_CAN_MESSAGE_BYTES];
     const uint16_t id = fb_can_request_id(BASE, step->agent, step->channel);
