@@ -9,7 +9,7 @@ static void take_edge(AgentPanel *p, const AgentPanelEvent *event);
 static void take_status(AgentPanel *p, const FbStatus *status, AgentPanelActions *out);
 static void take_run_ended(AgentPanel *p, bool refused);
 static void ask_hold(AgentPanel *p, int64_t now_us, AgentPanelActions *out);
-static const char *why_not(const AgentPanel *p);
+static void cancel_start(AgentPanel *p, AgentPanelActions *out);
 static int64_t wake_us(const AgentPanel *p);
 
 void agent_panel_step(AgentPanel *p, const AgentPanelEvent *event, int64_t now_us,
@@ -43,10 +43,8 @@ void agent_panel_step(AgentPanel *p, const AgentPanelEvent *event, int64_t now_u
         break;
     }
     ask_hold(p, now_us, out);
-    if (out->start && (out->hold || out->drop)) {
-        out->start = out->drop = p->started = false;
-        out->ignored = why_not(p);
-    }
+    if (out->hold)
+        cancel_start(p, out);
     int64_t lamp_us;
     out->lamp = agent_lamp_lit(agent_panel_lamp(p), now_us, &lamp_us);
     out->wake_us = MIN(wake_us(p), lamp_us);
@@ -126,6 +124,15 @@ static const char *why_not(const AgentPanel *p)
     return "it was pressed before the machine was READY: release it and press again";
 }
 
+/* What is known by the end of a step counts for a start that was due in it. */
+static void cancel_start(AgentPanel *p, AgentPanelActions *out)
+{
+    if (!out->start)
+        return;
+    out->start = p->started = false;
+    out->ignored = why_not(p);
+}
+
 /* A press of start that has settled at `at_us`. */
 static void press_start(AgentPanel *p, int64_t at_us, int64_t now_us, AgentPanelActions *out)
 {
@@ -202,26 +209,22 @@ static void take_edge(AgentPanel *p, const AgentPanelEvent *event)
 }
 
 /* A START whose link breaks is not made up for when the link is back: that takes a fresh press. */
-static void watch_start(AgentPanel *p, FbState state, AgentPanelActions *out)
+static void watch_start(AgentPanel *p, AgentPanelActions *out)
 {
     if (!p->started || p->running)
         return;
-    p->running = state != FB_STATE_READY && state != FB_STATE_UNKNOWN;
-    out->drop = state == FB_STATE_UNKNOWN;
+    p->running = p->state != FB_STATE_READY && p->state != FB_STATE_UNKNOWN;
+    out->drop = p->state == FB_STATE_UNKNOWN;
     p->started = !out->drop;
 }
 
 static void take_status(AgentPanel *p, const FbStatus *status, AgentPanelActions *out)
 {
-    const bool same = p->epoch == status->epoch && p->transfer == status->transfer &&
-                      p->run == status->run && memcmp(p->id, status->id, sizeof p->id) == 0;
     const bool verified = status->state == FB_STATE_READY && status->transfer != 0;
     const bool ready = verified && !status->needs_acknowledge;
-    if (!ready || !p->ready || !same) {
-        p->armed = false;
-        p->ready_us = p->at_us;
-    }
-    watch_start(p, status->state, out);
+    const bool same = ready && p->ready && p->epoch == status->epoch &&
+                      p->transfer == status->transfer && p->run == status->run &&
+                      memcmp(p->id, status->id, sizeof p->id) == 0;
     p->ready = ready;
     p->acknowledge = verified && status->needs_acknowledge;
     p->state = status->state;
@@ -229,6 +232,12 @@ static void take_status(AgentPanel *p, const FbStatus *status, AgentPanelActions
     p->transfer = status->transfer;
     p->run = status->run;
     memcpy(p->id, status->id, sizeof p->id);
+    if (!same) {
+        p->armed = false;
+        p->ready_us = p->at_us;
+        cancel_start(p, out);
+    }
+    watch_start(p, out);
 }
 
 static void take_run_ended(AgentPanel *p, bool refused)

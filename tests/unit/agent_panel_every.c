@@ -133,7 +133,7 @@ static void judge(Search *s, int depth, Watch *w, bool due, const AgentPanelActi
     const Letter letter = (Letter)s->path[depth];
     if (out->start && !due)
         complain(s, depth, "a start that is none:");
-    if (due && !out->start && !w->held && letter != LOST)
+    if (due && !out->start && !w->held && letter != LOST && letter != RUNNING)
         complain(s, depth, "no start:");
     if (out->start && letter == PRESS_HOLD)
         complain(s, depth, "start with hold:");
