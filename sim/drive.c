@@ -55,7 +55,7 @@ void sim_drive_replan(SimDrive *d, double time_s)
     if (stands)
         set_law(d, d->plan);
     else if (!path)
-        follow(d, fmin(done_s, timed_here(d)->duration_s), time_s);
+        follow(d, done_s, time_s);
     else if (!(d->mode == SIM_RAMP && d->stopping))
         meet(d, place, time_s);
 }
@@ -96,8 +96,10 @@ static bool follow(SimDrive *d, double done, double time_s)
         return false;
     }
     d->mode = SIM_FOLLOW;
-    d->offset_s =
-        time_s - (timed->start_s + (sim_plan_moves(timed) ? sim_plan_time_s(timed, done) : done));
+    /* A plan of another override may give a spindle's change less time than it has had. */
+    const double done_s =
+        sim_plan_moves(timed) ? sim_plan_time_s(timed, done) : fmin(done, timed->duration_s);
+    d->offset_s = time_s - (timed->start_s + done_s);
     return true;
 }
 
