@@ -37,10 +37,11 @@ void sim_drive_brake(SimDrive *d, double time_s)
 {
     if (d->mode == SIM_STAND)
         return;
-    set_ramp(d, sim_ramp_stop(d->program, d->law, sim_drive_place(d, time_s)));
-    if (d->ramp->len == 0)
+    GArray *ramp = sim_ramp_stop(d->program, d->law, sim_drive_place(d, time_s));
+    if (ramp->len == 0)
         sim_drive_stand(d, time_s);
-    else
+    set_ramp(d, ramp);
+    if (ramp->len > 0)
         begin_ramp(d, true, time_s);
 }
 
