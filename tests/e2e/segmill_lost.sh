@@ -5,10 +5,10 @@
 cd "$(dirname "$0")/../.." || exit 1
 # shellcheck source=tests/e2e/cell.bash
 . tests/e2e/cell.bash
-sed -i 's/^#agent_timeout_s = .*/agent_timeout_s = 1/' "$dir/machine.ini"
+sed -i 's/^#agent_timeout_s = .*/agent_timeout_s = 1.5/' "$dir/machine.ini"
 # Two regions, so that a gate is between them; the second one takes its time.
 sed -i '/^\[region.local-1\]/,$d' "$dir/recipe.ini"
-printf '%s\n' '[region.local-1]' 'feed = 50' >>"$dir/recipe.ini"
+printf '%s\n' '[region.local-2]' 'feed = 500' '[region.local-1]' 'feed = 50' >>"$dir/recipe.ini"
 
 # The block before the one that comes next took the tool up and out of the part.
 at_gate() {
