@@ -38,7 +38,8 @@ class Soak:
             for i in range(self.options.programs):
                 await self.one(agent, cell.program(CUTS, 1000 + i))
                 self.resources.append(self.machine.resources())
-        self.machine.stop()
+        if code := self.machine.stop():
+            self.wrong.append(f"vcnc ended with {code}")
 
     async def one(self, agent, program):
         file = self.folder / "program.ngc"
