@@ -88,13 +88,6 @@ static bool take_end(Panel *p, FbTask task, GError **error)
     return done;
 }
 
-static bool is_before_start(const GError *error)
-{
-    return error && !g_error_matches(error, FB_ERROR, FB_ERROR_ALARM) &&
-           !g_error_matches(error, FB_ERROR, FB_ERROR_ABORTED) &&
-           !g_error_matches(error, FB_ERROR, FB_ERROR_LINK_LOST);
-}
-
 /* A hold is asked for ten times a second: what is in its way is told when it changes. */
 static void tell_hold_error(Panel *p, const GError *error)
 {
@@ -110,8 +103,7 @@ static void take_ends(Panel *p)
     g_autoptr(GError) hold_error = NULL;
     if (take_end(p, FB_TASK_RUN, &run_error)) {
         agent_progress_note("%s", run_error ? run_error->message : "the program is complete");
-        step(p, &(AgentPanelEvent){.kind = AGENT_PANEL_RUN_ENDED,
-                                   .refused = is_before_start(run_error)});
+        step(p, &(AgentPanelEvent){.kind = AGENT_PANEL_RUN_ENDED, .failed = run_error != NULL});
     }
     if (take_end(p, FB_TASK_COMMAND, &hold_error)) {
         tell_hold_error(p, hold_error);

@@ -7,7 +7,7 @@ static void advance(AgentPanel *p, int64_t at_us, int64_t now_us, AgentPanelActi
 static void take_lines(AgentPanel *p, const AgentPanelEvent *event);
 static void take_edge(AgentPanel *p, const AgentPanelEvent *event);
 static void take_status(AgentPanel *p, const FbStatus *status, AgentPanelActions *out);
-static void take_run_ended(AgentPanel *p, bool refused);
+static void take_run_ended(AgentPanel *p, bool failed);
 static void ask_hold(AgentPanel *p, int64_t now_us, AgentPanelActions *out);
 static void cancel_start(AgentPanel *p, AgentPanelActions *out);
 static int64_t wake_us(const AgentPanel *p);
@@ -33,7 +33,7 @@ void agent_panel_step(AgentPanel *p, const AgentPanelEvent *event, int64_t now_u
         take_status(p, event->status, out);
         break;
     case AGENT_PANEL_RUN_ENDED:
-        take_run_ended(p, event->refused);
+        take_run_ended(p, event->failed);
         break;
     case AGENT_PANEL_HOLD_ANSWERED:
         p->hold_asking = false;
@@ -240,11 +240,11 @@ static void take_status(AgentPanel *p, const FbStatus *status, AgentPanelActions
     watch_start(p, out);
 }
 
-static void take_run_ended(AgentPanel *p, bool refused)
+static void take_run_ended(AgentPanel *p, bool failed)
 {
     p->started = false;
     p->ready_us = p->at_us;
-    if (refused && p->fault == AGENT_FAULT_NONE)
+    if (failed && !p->running && p->fault == AGENT_FAULT_NONE)
         set_fault(p, AGENT_FAULT_REFUSED, p->at_us);
 }
 

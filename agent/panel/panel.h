@@ -59,7 +59,7 @@ typedef struct {
     AgentKey key;               /* EDGE */
     bool pressed[AGENT_N_KEYS]; /* LINES: all; EDGE: that of `key` */
     const FbStatus *status;     /* STATUS */
-    bool refused;               /* RUN_ENDED: before it began */
+    bool failed;                /* RUN_ENDED: refused, aborted, alarm … */
 } AgentPanelEvent;
 
 typedef struct {

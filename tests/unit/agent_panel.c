@@ -52,6 +52,8 @@ static const struct {
     {"refused-not-cleared-by-hold",
      "0 lines 100 ready 200 S 300 s 2400 refused 2500 H 2550 answered 2600 h 4000 end", 1, 1,
      AGENT_LAMP_DOUBLE, AGENT_FAULT_REFUSED},
+    {"failed-later", "0 lines 100 ready 200 S 1300 s 1400 running 1500 refused 1600 idle 3000 end",
+     1, 0, AGENT_LAMP_OFF, 0},
     {"refused-gone", "0 lines 100 ready 200 S 300 s 400 refused 3000 end", 1, 0, AGENT_LAMP_SLOW,
      0},
     {"refused-pressed-again", "0 lines 100 ready 200 S 300 s 400 refused 3000 S 3100 s 4500 end", 2,

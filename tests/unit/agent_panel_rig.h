@@ -81,7 +81,7 @@ static const struct {
     {"alarm", {.kind = AGENT_PANEL_STATUS}, FB_STATE_ALARM, 1, true},
     {"lost", {.kind = AGENT_PANEL_STATUS}, FB_STATE_UNKNOWN, 1, false},
     {"ended", {.kind = AGENT_PANEL_RUN_ENDED}, 0, 0, 0},
-    {"refused", {.kind = AGENT_PANEL_RUN_ENDED, .refused = true}, 0, 0, 0},
+    {"refused", {.kind = AGENT_PANEL_RUN_ENDED, .failed = true}, 0, 0, 0},
     {"answered", {.kind = AGENT_PANEL_HOLD_ANSWERED}, 0, 0, 0},
     {"end", {.kind = AGENT_PANEL_TICK}, 0, 0, 0},
 };
