@@ -36,6 +36,9 @@ void fb_delivery_step(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAct
     case FB_EVENT_NEWS:
         d->poll_us = d->again_us = now_us;
         break;
+    case FB_EVENT_ALIVE:
+        d->poll_us = now_us + d->options.heartbeat_us;
+        break;
     case FB_EVENT_BROKEN:
         break_link(d, event->why, now_us, out);
         break;

@@ -30,7 +30,8 @@ typedef enum {
     FB_EVENT_TICK,
     FB_EVENT_CONNECTED,
     FB_EVENT_REPLY,
-    FB_EVENT_NEWS, /* the machine says that its status is another one: read it now */
+    FB_EVENT_NEWS,  /* the machine says that its status is another one: read it now */
+    FB_EVENT_ALIVE, /* it says that it is there: no need to read the status just for that */
     FB_EVENT_BROKEN
 } FbEventKind;
 

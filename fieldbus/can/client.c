@@ -238,15 +238,17 @@ static gboolean on_readable(gint file, GIOCondition condition, gpointer data)
 /* --------------------------------------------------------------------------- frames */
 
 /* A beat decides nothing: where it says something else than the status, that is read again. Not
- * before the answer that is awaited: it may say the same. Commands look for themselves. */
+ * before the answer that is awaited: it may say the same. Commands look for themselves, so the
+ * channel that only carries commands is content with the beat. */
 static void weigh_beat(Client *c)
 {
     const FbStatus *status = fb_delivery_status(fb_driver_delivery(c->driver));
     if (c->phase != OPEN || c->awaited != 0 || !c->heard_new)
         return;
     c->heard_new = false;
-    if (c->channel == FB_CAN_WORK_CHANNEL &&
-        (c->heard.state != status->state || c->heard.flags != (uint8_t)fb_wire_flags(status)))
+    if (c->channel == FB_CAN_CONTROL_CHANNEL)
+        fb_driver_event(c->driver, &(FbEvent){.kind = FB_EVENT_ALIVE});
+    else if (c->heard.state != status->state || c->heard.flags != (uint8_t)fb_wire_flags(status))
         fb_driver_event(c->driver, &(FbEvent){.kind = FB_EVENT_NEWS});
 }
 
