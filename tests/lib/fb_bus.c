@@ -94,6 +94,9 @@ static void cut(Bus *b, unsigned agent)
 static void reboot(Bus *b)
 {
     bus_boot(b);
+    b->reboots++;
+    if (b->setup.attended)
+        bus_machine_event(b, FB_MACHINE_ACKNOWLEDGED);
     for (unsigned i = 0; i < BUS_N_AGENTS; i++)
         cut(b, i);
 }

@@ -24,6 +24,7 @@ typedef struct {
     BusMode mode;
     uint16_t window;
     uint16_t chunk_max;
+    bool attended; /* who stands at the machine switches it on again after a reboot */
 } BusSetup;
 
 const char *bus_setup_name(const BusSetup *setup); /* "Modbus, dripping" */
@@ -86,6 +87,7 @@ typedef struct {
     FbReceiver *receiver;
     GArray *actions; /* of FbDo */
     uint32_t epoch;
+    unsigned reboots;
     int64_t tick_us;
 
     /* What is executed, a line of the program at a time. */

@@ -22,8 +22,10 @@ void work(Bus *b)
                     return;
                 continue;
             }
-            if (a->error)
+            if (b->starts > 0 || (a->error && !b->setup.attended))
                 return;
+            if (a->error)
+                continue;
         }
         bus_start(b);
         if (bus_run(b, BUS_WORK, FB_TASK_RUN) && !bus_status(b).needs_acknowledge)
@@ -89,7 +91,9 @@ End work_end(const Bus *b)
                    : END_BAD;
     if (s.state == FB_STATE_HELD)
         return b->gate_holds > 0 && is_gate(at) && s.run == 1 ? END_HELD : END_BAD;
-    return s.state == FB_STATE_OFF && (lost || a->lives > 1) ? END_STOPPED : END_BAD;
+    const bool rebooted =
+        b->reboots > 0 && !b->on && (s.state == FB_STATE_OFF || b->setup.attended);
+    return rebooted && (lost || a->lives > 1) ? END_STOPPED : END_BAD;
 }
 
 unsigned work_ends(FaultKind kind)

@@ -17,8 +17,9 @@ typedef enum {
 
 const char *end_name(End end);
 
-/* Delivers, and starts; an agent that died is begun again. What was started is not started again.
- * Where a person has to acknowledge at the machine, one does. */
+/* Delivers, and starts; an agent that died is begun again, and so is, where the machine is
+ * attended, a delivery that was refused. What was started is not started again. Where a person has
+ * to acknowledge at the machine, one does. */
 void work(Bus *bus);
 
 /* Until nothing moves any more, and whatever is late has arrived. */

@@ -136,7 +136,7 @@ static void control(void)
                 unsigned cases = 0;
                 const uint16_t windows = carrier == BUS_CAN ? 1 : FB_WINDOW_MOST;
                 const uint16_t chunk = carrier == BUS_CAN ? 700 : 218;
-                BusSetup setup = {carrier, mode, 1, chunk};
+                BusSetup setup = {carrier, mode, 1, chunk, false};
                 for (; setup.window <= windows; setup.window++)
                     cases += control_script(&setup, script);
                 g_test_message("%s, %s: %u cases", bus_setup_name(&setup), script_names[script],
@@ -166,6 +166,7 @@ static void random_case(GRand *rand)
     BusSetup setup = {.carrier = (BusCarrier)g_rand_int_range(rand, 0, BUS_N_CARRIERS),
                       .mode = (BusMode)g_rand_int_range(rand, 0, BUS_N_MODES),
                       .window = (uint16_t)g_rand_int_range(rand, 1, FB_WINDOW_MOST + 1)};
+    setup.attended = g_rand_boolean(rand);
     setup.chunk_max = setup.carrier == BUS_MODBUS ? 218 : chunks[g_rand_int_range(rand, 0, 4)];
     const int most = setup.mode == BUS_RESTART ? 40 : 90;
     for (unsigned i = 0; i < n; i++) {

@@ -236,12 +236,27 @@ static void late_start(void)
             rig_free(&rig);
         }
 
-    /* Never seen, from a session that is silent, and another agent owns the machine by now. */
+    /* Never seen, and the agent itself was begun again: a person decides, not what comes late. */
+    Rig again = rig_new();
+    rig_lead(&again, FB_STATE_READY);
+    const FbOrder unseen = next_order(&again, FB_COMMAND_START);
+    again.now_us += RIG_AGENT_S * G_USEC_PER_SEC;
+    g_assert_cmpint(rig_write_order(&again, &(FbOrder){.session = 12,
+                                                       .seq = 1,
+                                                       .epoch = RIG_EPOCH,
+                                                       .token = RIG_TOKEN,
+                                                       .command = FB_COMMAND_LEASE}),
+                    ==, FB_ANSWER_DONE);
+    Picture before = picture(&again);
+    assert_refused(&again, &before, rig_write_order(&again, &unseen), "NEEDS_ACKNOWLEDGE",
+                   "a START of the dead");
+    rig_free(&again);
+
+    /* Never seen, from a session that is silent, and the lease has lapsed by now. */
     Rig rig = rig_new();
     rig_lead(&rig, FB_STATE_READY);
     const FbOrder start = next_order(&rig, FB_COMMAND_START);
     rig.now_us += RIG_LEASE_S * G_USEC_PER_SEC;
-    Picture before = picture(&rig);
     fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
     before = picture(&rig);
     assert_refused(&rig, &before, rig_write_order(&rig, &start), "NO_LEASE", "a START too late");
