@@ -98,6 +98,48 @@ static void strangers_stay_out(void)
     close_cell(&c);
 }
 
+static SSL *observer_of_1_2(Cell *c, int *fd)
+{
+    *fd = raw_connect(c);
+    SSL *ssl = stranger("observer", false, *fd);
+    SSL_set_max_proto_version(ssl, TLS1_2_VERSION);
+    const int64_t end_us = g_get_monotonic_time() + 3000000;
+    while (SSL_do_handshake(ssl) != 1 && g_get_monotonic_time() < end_us)
+        turn(c, 1);
+    g_assert_true(SSL_is_init_finished(ssl));
+    return ssl;
+}
+
+/* There is no second handshake on a connection: nobody makes the machine work for nothing. */
+static void no_renegotiation(void)
+{
+    Cell c;
+    int fd;
+    open_tls_cell(&c);
+    SSL *ssl = observer_of_1_2(&c, &fd);
+    g_assert_cmpint(SSL_renegotiate(ssl), ==, 1);
+    g_assert_cmpint(stranger_goes_on(&c, ssl), ==, SSL_R_NO_RENEGOTIATION);
+    SSL_free(ssl);
+    close(fd);
+    close_cell(&c);
+}
+
+/* Whoever ends a connection says so: the peer can tell it from one that was cut. */
+static void says_close_notify(void)
+{
+    Cell c;
+    int fd;
+    open_tls_cell(&c);
+    SSL *ssl = observer_of_1_2(&c, &fd);
+    turn(&c, 5);
+    fb_modbus_server_free(g_steal_pointer(&c.server));
+    g_assert_cmpint(stranger_goes_on(&c, ssl), ==, 0);
+    g_assert_cmpint(SSL_get_shutdown(ssl) & SSL_RECEIVED_SHUTDOWN, !=, 0);
+    SSL_free(ssl);
+    close(fd);
+    close_cell(&c);
+}
+
 /* Plain Modbus on the port of TLS: no answer, the connection ends, it is counted. */
 static void plain_client(void)
 {
@@ -491,6 +533,8 @@ static void add(void)
     make_certificates();
     g_test_add_func("/fieldbus/tls/delivers-and-runs", delivers_and_runs);
     g_test_add_func("/fieldbus/tls/strangers-stay-out", strangers_stay_out);
+    g_test_add_func("/fieldbus/tls/no-renegotiation", no_renegotiation);
+    g_test_add_func("/fieldbus/tls/says-close-notify", says_close_notify);
     g_test_add_func("/fieldbus/tls/plain-client", plain_client);
     g_test_add_func("/fieldbus/tls/false-machines", false_machines);
     g_test_add_func("/fieldbus/tls/session-says-why", session_says_why);
