@@ -108,8 +108,7 @@ static bool join_can(SimMachine *machine, GError **error)
                     "a CAN bus needs a key: [can] key in the machine file");
         return false;
     }
-    machine->can =
-        fb_can_server_new(&options, machine->receiver, act, machine, NULL, error);
+    machine->can = fb_can_server_new(&options, machine->receiver, act, machine, NULL, error);
     return machine->can != NULL;
 }
 
@@ -146,14 +145,13 @@ void sim_machine_press(SimMachine *machine, SimEventKind button)
 static void append_can(GString *text, const FbCanServer *can)
 {
     const FbCanCounts c = fb_can_server_counts(can);
-    g_string_append_printf(text,
-                           "CAN: forged %" G_GUINT64_FORMAT ", replayed %" G_GUINT64_FORMAT
-                           ", malformed %" G_GUINT64_FORMAT ", torn %" G_GUINT64_FORMAT
-                           ", unsent %" G_GUINT64_FORMAT "\nCAN: hellos %" G_GUINT64_FORMAT
-                           ", openings %" G_GUINT64_FORMAT ", breaks %" G_GUINT64_FORMAT
-                           "\nCAN: error frames:",
-                           c.forged, c.replayed, c.malformed, c.torn, c.unsent, c.hellos,
-                           c.openings, c.breaks);
+    g_string_append_printf(
+        text,
+        "CAN: forged %" G_GUINT64_FORMAT ", replayed %" G_GUINT64_FORMAT
+        ", malformed %" G_GUINT64_FORMAT ", torn %" G_GUINT64_FORMAT ", unsent %" G_GUINT64_FORMAT
+        "\nCAN: hellos %" G_GUINT64_FORMAT ", openings %" G_GUINT64_FORMAT
+        ", breaks %" G_GUINT64_FORMAT "\nCAN: error frames:",
+        c.forged, c.replayed, c.malformed, c.torn, c.unsent, c.hellos, c.openings, c.breaks);
     bool any = false;
     for (unsigned i = 0; i < FB_CAN_N_ERRORS; i++) {
         if (c.errors[i] == 0)
