@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A cell for tests: vcnc as the machine, segmill as the agent, and a person who looks after both."""
+"""A cell for tests: vcnc as the machine, segmill as the agent, a person who looks after both."""
 import asyncio
 import json
 import os

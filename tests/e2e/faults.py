@@ -177,7 +177,7 @@ def targets(frames, seed):
 
 
 async def try_case(options, faults, whole):
-    """One case; again where the frame did not come at all: how often is read is a matter of time."""
+    """One case; again where the frame did not come: how often is read is a matter of time."""
     for _ in range(4):
         case = Case(options, faults)
         try:
@@ -198,8 +198,8 @@ async def sweep(options, cases, whole):
         async with room:
             word = await try_case(options, faults, whole)
         if isinstance(word, Exception):
-            bad.append(f"{' and '.join(f'{t.direction} {t.name} {t.fault} {t.bit}' for t in faults)}"
-                       f": {word}")
+            what = (f"{t.direction} {t.name} {t.fault} {t.bit}" for t in faults)
+            bad.append(f"{' and '.join(what)}: {word}")
         else:
             words[word] += 1
 
