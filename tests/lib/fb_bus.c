@@ -479,7 +479,8 @@ Bus *bus_new(const BusSetup *setup, const Fault *faults, size_t n_faults)
     }
     for (unsigned i = 0; i < BUS_N_AGENTS; i++)
         b->agents[i].frames = 0;
-    memcpy(b->faults, faults, n_faults * sizeof *faults);
+    for (size_t i = 0; i < n_faults; i++)
+        b->faults[i] = faults[i];
     return b;
 }
 
