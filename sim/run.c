@@ -56,7 +56,8 @@ void sim_run_advance(SimController *c, int64_t now_us, bool ticked, GArray *acti
 
 static void happen(SimController *c, GArray *actions)
 {
-    unsigned what = sim_drive_happen(&c->drive, c->time_s);
+    const bool off_plan = c->drive.mode == SIM_RAMP;
+    const unsigned what = sim_drive_happen(&c->drive, c->time_s);
     if (what & SIM_MOVE_DONE && !finish_move(c, actions))
         return;
     if (what & SIM_AT_REST) {
@@ -66,7 +67,7 @@ static void happen(SimController *c, GArray *actions)
     } else {
         if (what & SIM_MOVE_DONE)
             begin_move(c, actions);
-        if (c->gate_wanted && c->drive.mode == SIM_FOLLOW)
+        if (off_plan && c->gate_wanted && c->drive.mode == SIM_FOLLOW)
             prepare_gate_stop(c);
     }
 }
