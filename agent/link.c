@@ -131,10 +131,12 @@ bool agent_link_take_cause(AgentLink *link, GError **error)
 static gboolean on_give_up(void *data)
 {
     AgentLink *link = data;
+    const char *why = fb_session_why(link->session);
     agent_link_cancel(link, g_error_new(FB_ERROR, FB_ERROR_UNREACHABLE,
-                                        "%s: no answer within %g s; is the machine on, and is "
+                                        "%s: no answer within %g s (%s); is the machine on, and is "
                                         "the address right?",
-                                        link->target.address, link->agent->give_up_s));
+                                        link->target.address, link->agent->give_up_s,
+                                        why ? why : "silence"));
     return G_SOURCE_REMOVE;
 }
 

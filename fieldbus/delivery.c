@@ -379,6 +379,11 @@ const FbStatus *fb_delivery_status(const FbDelivery *d)
     return &d->status;
 }
 
+const char *fb_delivery_why(const FbDelivery *d)
+{
+    return d->why;
+}
+
 const FbSetup *fb_delivery_setup(const FbDelivery *d)
 {
     return d->setup_known ? &d->setup : NULL;

@@ -91,6 +91,9 @@ void fb_delivery_step(FbDelivery *delivery, const FbEvent *event, int64_t now_us
 /* The last status; UNKNOWN before the first and while there is no connection. */
 const FbStatus *fb_delivery_status(const FbDelivery *delivery);
 
+/* Why the connection broke last; NULL: it never did. */
+const char *fb_delivery_why(const FbDelivery *delivery);
+
 /* What FB_TASK_SETUP has read; NULL before. */
 const FbSetup *fb_delivery_setup(const FbDelivery *delivery);
 

@@ -434,6 +434,9 @@ void fb_session_command(FbSession *session, FbCommand command, const FbArguments
 
 const FbStatus *fb_session_status(const FbSession *session);
 
+/* Why the connection broke last, for people; NULL: it never did. */
+const char *fb_session_why(const FbSession *session);
+
 /* ----------------------------------------------------------------- test certificates */
 
 /* A TEST CA, for trying and testing: its key lies beside what it signs, and it revokes nothing. */

@@ -120,6 +120,11 @@ const FbStatus *fb_session_status(const FbSession *s)
     return &s->status;
 }
 
+const char *fb_session_why(const FbSession *s)
+{
+    return fb_delivery_why(fb_driver_delivery(s->work));
+}
+
 void fb_session_set_token(FbSession *s, uint64_t token)
 {
     fb_delivery_set_token(fb_driver_delivery(s->work), token);

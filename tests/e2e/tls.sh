@@ -88,6 +88,12 @@ ok "openssl is answered with ours, TLS 1.2" answered -tls1_2 \
 ok "not as another host" refused 'mismatch' \
     -cert "$pki/observer.pem" -key "$pki/observer.key" -verify_hostname mill.example
 
+printf '[link]\ngive_up_s = 1\n[machine.foreign]\naddress = mbaps://%s\n' "$secure" >"$dir/foreign.ini"
+printf 'tls_ca = pki/ca.pem\ntls_certificate = other/operator.pem\ntls_key = other/operator.key\n' \
+    >>"$dir/foreign.ini"
+ok "segmill says why it is refused" fails 4 'does not know the CA of our certificate' \
+    "$segmill" status --to foreign --config "$dir/foreign.ini"
+
 # ----------------------------------------------------------------------------- roles
 ok "an observer sees the state" says 0 IDLE "$as" observer status
 ok "an observer's hold is refused" fails 4 ROLE "$as" observer hold
@@ -110,7 +116,7 @@ wait "$run_pid"
 ok "the run says so" test $? = 6
 stop_vcnc TERM
 ok "what was refused is counted" grep -q '^requests refused:.* ROLE 3' "$dir/vcnc.out"
-ok "so are handshakes" grep -qx 'TLS handshakes refused: [3-9]' "$dir/vcnc.out"
+ok "so are handshakes" grep -Eqx 'TLS handshakes refused: ([3-9]|[1-9][0-9]+)' "$dir/vcnc.out"
 
 start_vcnc --machine "$dir/machine.ini" --speed max --tls 127.0.0.1:0
 sed -i "s|^address = .*|address = mbaps://$(sed -n '2s/^mbaps //p' "$dir/vcnc.out")|" "$dir/tls.ini"
