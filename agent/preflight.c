@@ -63,8 +63,8 @@ bool agent_preflight_allows(const GArray *findings, bool accepted, GError **erro
     if (accepted || cautions == 0)
         return true;
     g_set_error(error, AGENT_ERROR, AGENT_ERROR_CAUTION,
-                "not started, the pre-flight has %u caution%s: %s%s; --accept-cautions starts all "
-                "the same",
+                "blocked, the pre-flight has %u caution%s: %s%s; --accept-cautions goes on all the "
+                "same",
                 cautions, cautions == 1 ? "" : "s", first->message,
                 cautions == 1 ? "" : "; and so on");
     return false;

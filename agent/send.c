@@ -10,14 +10,15 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error);
 const AgentCommand agent_send = {
     .name = "send",
     .argument = "PROGRAM",
-    .synopsis = "PROGRAM --to NAME [--start [--accept-cautions]] [--machine FILE]",
+    .synopsis = "PROGRAM --to NAME [--start] [--accept-cautions] [--machine FILE]",
     .summary = "deliver a program and let the machine verify it; without --start nothing moves",
     .help =
         "Delivers the bytes of any program. Its gates, the places where the tool is clear of the\n"
         "part, are found with the machine's description: --machine, or the file that the agent's\n"
         "configuration names for the machine. Without one the only gate is the program's end.\n"
-        "The pre-flight compares tools, work offsets and memory with the machine's. With --start\n"
-        "the program is started, unless there is a caution, and followed, as by `run`.",
+        "The pre-flight compares tools, work offsets and memory with the machine's; a caution\n"
+        "blocks the delivery, as a button may start what is delivered. With --start the program\n"
+        "is started and followed, as by `run`.",
     .takes = AGENT_TAKES_TO | AGENT_TAKES_START | AGENT_TAKES_ACCEPT | AGENT_TAKES_MACHINE |
              AGENT_TAKES_CONFIG,
     .needs = AGENT_TAKES_TO,
@@ -115,9 +116,8 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
         return false;
     g_autoptr(GArray) findings =
         agent_preflight(link, load.program, load.timed, load.machine, error);
-    /* Without --start a caution is there to be read. */
-    if (!findings ||
-        !agent_preflight_allows(findings, !options->start || options->accept_cautions, error))
+    /* Without --start, too: a button at the machine starts what is READY. */
+    if (!findings || !agent_preflight_allows(findings, options->accept_cautions, error))
         return false;
     AgentFollow follow = {0};
     if (load.timed)

@@ -59,13 +59,14 @@ other() {
         $(send --start)
     ok "nothing was sent" shows length 0
     ok "the error as an object" json 8 $(send --start --json)
-    ok "send without --start reports it" json 0 $(send --json)
+    ok "send without --start is blocked, too: a button could start it" json 8 $(send --json)
+    ok "accepted, it is delivered" json 0 $(send --json --accept-cautions)
     ok "as a caution" finds caution tool-length
     ok "accepted, it starts" says 0 'the machine is COMPLETE' $(send --start --accept-cautions)
     ok "an override" control override --rapid 25
     ok "and another" json 0 "$segmill" override --spindle 110 --to "$to" --json
     ok "leaves the others" grep -q '"rapid_percent": 25,' "$dir/json"
-    ok "send --json" json 0 $(send --json)
+    ok "send --json" json 0 $(send --json --accept-cautions)
     ok "a warning of it" finds warning override
     stop
 
