@@ -1,56 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The machine's side of docs/protocol.md as a state machine; fieldbus/transitions.* has its tables.
- */
-#include "fieldbus/receiver.h"
-
-#include <string.h>
-
-#include "fieldbus/store.h"
+/* The machine's side of docs/protocol.md as a state machine; fieldbus/transitions.* has its tables,
+ * receiver_status.c what it publishes. */
+#include "fieldbus/receiver_state.h"
 #include "fieldbus/transitions.h"
 
 enum {
-    N_RECORDS = 32,
     HEARTBEAT_US = 500000,
     ALARM_GATES = 1,
-};
-
-/* The last command of a session, and what became of it. */
-typedef struct {
-    uint32_t session, seq, crc;
-    FbCommand command;
-    FbAnswer answer;
-    uint64_t used; /* ascending: who is longest unused */
-} Record;
-
-struct FbReceiver {
-    FbReceiverOptions options;
-    FbState state;
-    bool verified; /* what the store holds is ready to run */
-    FbStore store;
-    uint32_t transfers; /* handles given */
-
-    uint64_t lease_token; /* 0: free */
-    uint32_t lease_session;
-    int64_t heard_us; /* the owner's last sign of life */
-    bool agent_lost;
-    bool needs_acknowledge;
-
-    Record records[N_RECORDS];
-    uint64_t n_used;
-    Record last; /* as published */
-    uint32_t verify_session;
-    FbAnswer chunk_answer;
-
-    uint32_t run, restart_gate;
-    FbRunEnd run_end;
-    FbArguments overrides;
-    FbSetup setup;
-    uint16_t alarm_code, alarm_serial;
-    char alarm_text[FB_TEXT_BYTES], alarm_advice[FB_TEXT_BYTES];
-    FbProgress progress;
-    uint32_t heartbeat;
-    int64_t heartbeat_us; /* when it counts next */
-    uint64_t counts[FB_N_ANSWERS];
 };
 
 static FbAnswer take_order(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
@@ -321,17 +277,17 @@ static FbAnswer obey(FbReceiver *r, const FbOrder *o, int64_t now_us, GArray *ac
 }
 
 /* The session's record; where it has none the one longest unused, but not the owner's. */
-static Record *find_record(FbReceiver *r, uint32_t session)
+static FbRecord *find_record(FbReceiver *r, uint32_t session)
 {
-    Record *oldest = NULL;
-    for (Record *e = r->records; e < r->records + N_RECORDS; e++) {
+    FbRecord *oldest = NULL;
+    for (FbRecord *e = r->records; e < r->records + FB_N_RECORDS; e++) {
         if (e->session == session)
             return e;
         const bool owner = r->lease_token != 0 && e->session == r->lease_session;
         if (!owner && (!oldest || e->used < oldest->used))
             oldest = e;
     }
-    *oldest = (Record){.session = session};
+    *oldest = (FbRecord){.session = session};
     return oldest;
 }
 
@@ -340,14 +296,14 @@ static FbAnswer take_order(FbReceiver *r, FbRole role, const uint8_t *bytes, siz
 {
     FbOrder o;
     FbAnswer answer = fb_wire_get_order(bytes, n, &o);
-    r->last = (Record){.session = o.session, .seq = o.seq, .answer = answer};
+    r->last = (FbRecord){.session = o.session, .seq = o.seq, .answer = answer};
     if (o.command < FB_N_COMMANDS)
         r->last.command = o.command;
     if (answer != FB_ANSWER_DONE)
         return answer;
     if (!fb_role_may(role, o.command))
         return r->last.answer = FB_ANSWER_ROLE;
-    Record *record = find_record(r, o.session);
+    FbRecord *record = find_record(r, o.session);
     record->used = ++r->n_used;
     if (o.seq < record->seq)
         return r->last.answer = FB_ANSWER_OUT_OF_SEQUENCE;
@@ -364,7 +320,7 @@ static FbAnswer take_order(FbReceiver *r, FbRole role, const uint8_t *bytes, siz
 /* VERIFY was answered NONE; this is what became of it. */
 static void settle_verify(FbReceiver *r, FbAnswer answer)
 {
-    for (Record *e = r->records; e < r->records + N_RECORDS; e++)
+    for (FbRecord *e = r->records; e < r->records + FB_N_RECORDS; e++)
         if (e->session == r->verify_session && e->command == FB_COMMAND_VERIFY)
             e->answer = answer;
     if (r->last.session == r->verify_session && r->last.command == FB_COMMAND_VERIFY &&
@@ -499,123 +455,7 @@ int64_t fb_receiver_tick(FbReceiver *r, int64_t now_us, GArray *actions)
     return next_us;
 }
 
-/* ------------------------------------------------------------------ what is published */
-
-static uint32_t lease_ms(const FbReceiver *r, int64_t now_us)
-{
-    const int64_t left_us = r->heard_us + r->options.lease_timeout_us - now_us;
-    return r->lease_token ? (uint32_t)CLAMP(left_us / 1000, 0, UINT32_MAX) : 0;
-}
-
-void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
-{
-    const FbStore *store = &r->store;
-    *s = (FbStatus){
-        .protocol_version = FB_PROTOCOL_VERSION,
-        .state = r->state,
-        .epoch = r->options.epoch,
-        .transfer = store->transfer,
-        .length = store->length,
-        .received = store->transfer ? fb_store_received(store) : 0,
-        .may_send_to = fb_store_may_send_to(store),
-        .gates = store->open.gates,
-        .gates_crc = store->open.gates_crc,
-        .lease_owner = (uint32_t)(r->lease_token >> 32),
-        .lease_ms = lease_ms(r, now_us),
-        .command_session = r->last.session,
-        .command_seq = r->last.seq,
-        .command = r->last.command,
-        .answer = r->last.answer,
-        .chunk_answer = r->chunk_answer,
-        .needs_acknowledge = r->needs_acknowledge || r->state == FB_STATE_OFF,
-        .agent_lost = r->agent_lost,
-        .run = r->run,
-        .run_end = r->run_end,
-        .window_max = FB_WINDOW_MOST,
-        .window = CLAMP(store->open.window, 1, FB_WINDOW_MOST),
-        .chunk_max = FB_CHUNK_BYTES,
-        .alarm_code = r->alarm_code,
-        .alarm_serial = r->alarm_serial,
-        .feed_override_percent = r->overrides.feed_percent,
-        .rapid_override_percent = r->overrides.rapid_percent,
-        .spindle_override_percent = r->overrides.spindle_percent,
-        .optional_stop = r->overrides.optional_stop,
-        .line = r->progress.line,
-        .executed_blocks = r->progress.executed_blocks,
-        .tool = r->progress.tool,
-        .feed_mm_min = r->progress.feed_mm_min,
-        .spindle_rpm = r->progress.spindle_rpm,
-        .program_time_ms = r->progress.program_time_ms,
-        .heartbeat = r->heartbeat,
-        .gate = r->progress.gate,
-        .stop_line = r->progress.stop_line,
-        .drip = store->drip,
-        .starving = r->progress.starving,
-        .starved = r->progress.starved,
-        .starved_ms = r->progress.starved_ms,
-        .released = fb_store_released(store),
-        .memory_bytes = r->options.memory_bytes,
-        .setup_serial = r->setup.serial,
-        .n_tools = r->setup.n_tools,
-        .work_offset = r->progress.work_offset,
-    };
-    memcpy(s->position_mm, r->progress.position_mm, sizeof s->position_mm);
-    memcpy(s->id, store->open.id, sizeof s->id);
-    memcpy(s->sha256, store->sha256, sizeof s->sha256);
-    memcpy(s->alarm_text, r->alarm_text, sizeof s->alarm_text);
-    memcpy(s->alarm_advice, r->alarm_advice, sizeof s->alarm_advice);
-}
-
-FbState fb_receiver_state(const FbReceiver *r)
-{
-    return r->state;
-}
-
-GBytes *fb_receiver_program(const FbReceiver *r)
-{
-    return r->store.program;
-}
-
-const uint64_t *fb_receiver_gates(const FbReceiver *r, size_t *n)
-{
-    *n = r->store.gates ? r->store.open.gates : 0;
-    return r->store.gates;
-}
-
-bool fb_receiver_drips(const FbReceiver *r)
-{
-    return r->store.drip;
-}
-
-size_t fb_receiver_released(const FbReceiver *r)
-{
-    return r->store.n_released;
-}
-
-GBytes *fb_receiver_pass(const FbReceiver *r, size_t pass)
-{
-    return fb_store_pass(&r->store, pass);
-}
-
-uint32_t fb_receiver_restart_gate(const FbReceiver *r)
-{
-    return r->restart_gate;
-}
-
-FbArguments fb_receiver_overrides(const FbReceiver *r)
-{
-    return r->overrides;
-}
-
-const FbSetup *fb_receiver_setup(const FbReceiver *r)
-{
-    return &r->setup;
-}
-
-const uint64_t *fb_receiver_counts(const FbReceiver *r)
-{
-    return r->counts;
-}
+/* -------------------------------------------------------------------------- life */
 
 FbReceiver *fb_receiver_new(const FbReceiverOptions *options)
 {
