@@ -3,11 +3,12 @@
 
 #include <errno.h>
 #include <glib-unix.h>
+#include <poll.h>
 #include <string.h>
 #include <sys/random.h>
 #include <unistd.h>
 
-enum { CLASSIC, FD, FRAMES, N_FILES };
+enum { CLASSIC, FD, FRAMES, N_FILES, LEAVE_MS = 100 };
 
 typedef enum { CLOSED, ASKED, OPEN } Phase; /* ASKED: HELLO was sent, WELCOME has not come */
 
@@ -373,9 +374,19 @@ static void disconnect(void *transport)
 
 /* ----------------------------------------------------------------------------- life */
 
+/* Lets the last answer come: one that nobody takes any more would keep the machine from answering
+ * the next agent of this number for a second. */
+static void take_leave(const Client *c)
+{
+    struct pollfd answer = {.fd = c->files[c->fd ? FD : CLASSIC], .events = POLLIN};
+    if (c->phase == OPEN && c->awaited != 0)
+        poll(&answer, 1, LEAVE_MS);
+}
+
 static void free_client(void *transport)
 {
     Client *c = transport;
+    take_leave(c);
     disconnect(c);
     close_files(c);
     fb_can_agent_unref(c->agent);

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+# vcnc and segmill on CAN buses, one classic, one with FD: what goes over them is what
+# docs/protocol-can.md says; strangers change nothing; a bus that breaks is named, and used again.
+# shellcheck source=tests/kernel/setup.bash
+. tests/kernel/setup.bash
+export XDG_STATE_HOME=$dir/state XDG_CONFIG_HOME=$dir/config
+judge=$PWD/tests/kernel/can_judge.py bits=$PWD/tests/kernel/can_bits.py
+
+program() { # program BLOCKS BLOCK
+    printf '%s\n' 'G17 G21 G40 G49 G80 G90 G94'
+    for ((i = 0; i < $1; i++)); do
+        echo "G1 X$((i % 40)).$((100 + i % 900)) $2"
+    done
+    echo M2
+}
+configure() { # configure BUS NAME KEY_FILE GIVE_UP_S
+    printf '%s\n' '[link]' 'heartbeat_s = 0.2' 'reconnect_s = 0.1' 'reply_timeout_s = 0.5' \
+        "give_up_s = $4" '[machine.mill]' "address = can://$1" "can_key = $3" >"$dir/$2.ini"
+}
+agent() { # agent COMMAND…
+    timeout 60 "$segmill" "$@" --to mill --config "$dir/agent.ini" </dev/null
+}
+switch_on() { # switch_on BUS SPEED
+    mkfifo "$dir/hand.$((++machines))"
+    "$vcnc" --machine "$dir/machine.ini" --can "$1" --speed "$2" <"$dir/hand.$machines" \
+        >"$dir/vcnc.out" 2>"$dir/vcnc.err" &
+    vcnc_pid=$!
+    pids+=("$vcnc_pid")
+    exec 7>"$dir/hand.$machines"
+    within 5 grep -qsx "can $1" "$dir/vcnc.out" || cat "$dir/vcnc.err"
+    echo ack >&7
+}
+record() { # record BUS LOG
+    candump -r 100000000 -L "$1" >"$2" &
+    recorder=$!
+    pids+=("$recorder")
+    within 5 can_heard "$1"
+}
+enough() { # the recorder has caught up with what is over
+    local lines=-1 now
+    sleep 0.2
+    until now=$(wc -l <"$log"); [ $((now - lines)) -lt 20 ] && [ "$lines" -ge 0 ]; do
+        lines=$now
+        sleep 0.4
+    done
+    kill "$recorder"
+    wait "$recorder" 2>/dev/null
+}
+state_is() { # state_is STATE: within 10 s
+    within 10 shows state "\"$1\"" || { cat "$dir/status.json" && return 1; }
+}
+shows() { # shows KEY VALUE: the status does
+    agent status --json >"$dir/status.json" 2>&1
+    grep -q "^  \"$1\": $2,\$" "$dir/status.json"
+}
+begins() { # a program that takes a minute is started by a program in the background
+    "$segmill" send "$dir/slow.ngc" --start --to mill --config "$dir/agent.ini" \
+        </dev/null >"$dir/run.out" 2>"$dir/run.err" &
+    run_pid=$!
+    pids+=("$run_pid")
+    state_is RUNNING || { cat "$dir/run.err" && return 1; }
+}
+exits() { # exits STATUS: the program in the background
+    local status
+    wait "$run_pid"
+    status=$?
+    [ "$status" = "$1" ] || { echo "status $status" && cat "$dir/run.err" && return 1; }
+}
+counted() { # counted NAME LEAST: vcnc's summary
+    local n
+    n=$(sed -n "s/^CAN:.*\b$1 \([0-9]*\).*/\1/p" "$dir/vcnc.out")
+    echo "# $bus: $1 $n"
+    [ "${n:-0}" -ge "$2" ]
+}
+refuses_strangers() { # nothing that one without the key can do is done
+    local before
+    agent status --json >"$dir/before.json"
+    for ((i = 0; i < 3000; i += 150)); do # in bursts, or most would be lost on their way
+        for id in 100 110 120 130 140 150; do
+            cangen "$bus" -g 0 -i -n 150 -I $id -L r -D r
+        done
+        sleep 0.02
+    done
+    for id in 120 140; do
+        head -c 300 /dev/urandom | od -An -v -tx1 -w300 | timeout 3 isotpsend -s $id -d $((id + 10)) "$bus"
+        echo 05 01 01 00 00 00 00 00 09 | timeout 3 isotpsend -s $id -d $((id + 10)) "$bus"
+    done
+    timeout 5 "$segmill" hold --to mill --config "$dir/wrong.ini" </dev/null
+    [ $? = 4 ] || return 1
+    canplayer -t -I "$dir/heard.log" # of earlier openings, and of this one:
+    timeout 1 candump -L "$bus" >"$dir/now.log"
+    canplayer -t -I "$dir/now.log"
+    sleep 1
+    state_is RUNNING
+    for key in run epoch transfer received command_session feed_override_percent; do
+        before=$(grep "^  \"$key\":" "$dir/before.json")
+        [ "$before" = "$(grep "^  \"$key\":" "$dir/status.json")" ] ||
+            { echo "$before" && cat "$dir/status.json" && return 1; }
+    done
+}
+goes_off() { # as a controller tells it
+    cansend "$bus" '20000040#0000000000000000'
+    state_is RUNNING
+}
+followed() { # by the program that started it, to its end
+    agent abort && exits 6
+}
+goes_down() {
+    ip link set "$bus" down
+    timeout 20 "$segmill" status --to mill --config "$dir/impatient.ini" </dev/null
+    [ $? = 4 ] || return 1
+    ip link set "$bus" up
+    state_is RUNNING
+}
+
+# What docs/protocol-can.md says, checked by a program that knows nothing else; and what a foreign
+# tool makes of a chunk.
+delivers() {
+    log=$dir/$bus.log
+    record "$bus" "$log"
+    timeout 20 isotpsniffer -s 140 -d 150 $options "$bus" <&8 >"$dir/sniffed" &
+    pids+=($!)
+    within 5 can_heard "$bus" isotp
+    agent send "$dir/program.ngc" --start || return 1
+    enough
+    "$judge" "$log" "$dir/can.key" "$dir/program.ngc" $form
+}
+sees() {
+    grep -Eq '140 +\[2[0-9]+\] +02 ' "$dir/sniffed" || { head -c 1500 "$dir/sniffed" && return 1; }
+}
+clean() {
+    cat "$dir/vcnc.out"
+    grep -q 'CAN: forged 0, replayed 0, malformed 0, torn 0, unsent 0' "$dir/vcnc.out"
+}
+stops() { # two more programs hold, resume and abort the run of the first
+    record "$bus" "$dir/heard.log"
+    log=$dir/heard.log
+    begins && agent hold && state_is HELD && agent resume --no-follow && state_is RUNNING &&
+        agent abort && exits 6 && state_is READY || return 1
+    enough
+    "$judge" "$log" "$dir/can.key" "$dir/slow.ngc" $form
+}
+# Program bytes a bit on the wire, beside the same bytes in ISO-TP messages of 4095: goal 0.95.
+economical() {
+    local ours plain
+    log=$dir/ours.log
+    record "$bus" "$log"
+    agent send "$dir/long.ngc" || return 1
+    enough
+    ours=$("$bits" "$log")
+    log=$dir/plain.log
+    record "$bus" "$log"
+    timeout 60 isotprecv -l -s 7e8 -d 7e0 $options "$bus" >"$dir/received" &
+    pids+=($!)
+    within 5 can_heard "$bus" isotp
+    for part in "$dir"/part.*; do # each is gone when isotpsend ends
+        od -An -v -tx1 -w4095 "$part" | timeout 5 isotpsend -s 7e0 -d 7e8 $options "$bus"
+        parts=$((parts + 1))
+    done
+    enough
+    [ "$(grep -Ec "$bus 7E0##?[0-9]?1[0-9A-F]{3}" "$log")" -ge $((parts - 1)) ] || return 1
+    plain=$("$bits" "$log")
+    echo "$ours $plain" | awk -v bytes="$(stat -c %s "$dir/long.ngc")" -v bus="$bus" '{
+        printf "# %s, %d bytes: %.5f program bytes a frame bit, plain ISO-TP %.5f: ratio %.3f (goal 0.95)\n",
+            bus, bytes, bytes / $3, bytes / $6, $6 / $3 }' | tee -a "$dir/figures"
+}
+
+mkfifo "$dir/silent" && exec 8<>"$dir/silent" # a keyboard that nobody touches
+cp config/etc/tools.ini config/etc/machine.ini "$dir"
+sed -i '/^\[can\]/,/^\[/s|^#key =.*|key = can.key|' "$dir/machine.ini"
+(umask 077 && head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >"$dir/can.key" &&
+    echo 00112233445566778899aabbccddeeff >"$dir/wrong.key")
+program 115 F24000 >"$dir/program.ngc" # about 2 kB
+program 6000 F24000 >"$dir/long.ngc"
+split -b 4095 "$dir/long.ngc" "$dir/part."
+program 200 F1000 >"$dir/slow.ngc"
+ip link add vcan0 type vcan && ip link set vcan0 mtu 16 up
+can_up vcan1
+
+for bus in ${CAN_BUSES-vcan0 vcan1}; do
+    options='' form='' parts=0
+    [ $bus = vcan0 ] || { options='-L 72:64:1' form=fd; }
+    configure $bus agent "$dir/can.key" 10
+    configure $bus impatient "$dir/can.key" 1
+    configure $bus wrong "$dir/wrong.key" 1
+    switch_on $bus max
+    ok "$bus: 2 kB are delivered and run, as documented" delivers
+    ok "$bus: a foreign tool sees the chunk" sees
+    ok "$bus: bits on the wire" economical
+    stop_vcnc TERM
+    ok "$bus: nothing was refused, torn or unsent" clean
+
+    switch_on $bus 1
+    ok "$bus: hold, resume and abort by other programs" stops
+    ok "$bus: by the second agent, on the lowest identifier" grep -q "$bus 101#06" "$dir/heard.log"
+    ok "$bus: a run to be left alone" begins
+    ok "$bus: strangers change nothing" refuses_strangers
+    ok "$bus: off, and on again" goes_off
+    ok "$bus: down, and up again" goes_down
+    ok "$bus: the run is still followed" followed
+    ok "$bus: another run" begins
+    kill -KILL "$run_pid" 2>/dev/null
+    ok "$bus: a killed agent's number is free" agent hold
+    ok "$bus: the machine is held" state_is HELD
+    ok "$bus: the run is over" agent abort
+    stop_vcnc TERM
+    cat "$dir/vcnc.out" | sed 's/^/# /'
+    ok "$bus: three programs were started" grep -q 'programs: 3 started, 0 completed, 3 aborted' "$dir/vcnc.out"
+    ok "$bus: forged messages and frames are counted" counted forged 100
+    ok "$bus: malformed ones are" counted malformed 10
+    ok "$bus: replayed ones are" counted replayed 1
+    ok "$bus: the bus-off is" grep -q 'CAN: error frames: bus-off 1$' "$dir/vcnc.out"
+    ok "$bus: it was lost twice" counted breaks 2
+done
+cat "$dir/figures" 2>/dev/null
+finish
