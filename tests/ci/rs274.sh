@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # LinuxCNC's own stand-alone interpreter, from Debian's package unpacked beside the build, reads the
-# programs of tests/gcode and those that the writer's test writes; what it says must agree with our
-# interpreter. Skips where the package cannot be had. Its output for tests/gcode is what is kept in
+# programs of tests/gcode, those that the writer's test writes, and the outside data; what it says must
+# agree with our interpreter to 1e-6, or be listed in tests/gcode/corpus.txt. Skips where the package cannot be had. Its output for tests/gcode is what is kept in
 # the tree: tests/ci/rs274.sh --update writes it anew.
 set -u
 build=$(realpath -m "${BUILD:-build}")
@@ -36,7 +36,7 @@ ask() {
     local variables
     variables=$(mktemp) || return
     cp tests/gcode/machine.var "$variables"
-    "$judge/usr/bin/rs274" -t tests/gcode/tools.tbl -v "$variables" -g "$1" 2>"$2.log" |
+    LD_PRELOAD=${EXACT+$judge/doubles.so} timeout 20 "$judge/usr/bin/rs274" -t tests/gcode/tools.tbl -v "$variables" -g "$1" 2>"$2.log" |
         awk '{ $1 = ""; print substr($0, 2) }' >"$2"
     local status=${PIPESTATUS[0]}
     rm -f "$variables" "$variables.bak"
@@ -60,13 +60,16 @@ if [ "${1-}" = --update ]; then
     exit 0
 fi
 
+"${CC:-gcc}" -shared -fPIC -O1 -o "$judge/doubles.so" tests/ci/rs274_doubles.c ||
+    skip "no compiler for tests/ci/rs274_doubles.c"
+export EXACT=
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cp tests/gcode/*.ngc "$folder"
 SEGMILL_GCODE_OUT=$folder "$build/tests/nc_gcode_write" >"$folder/log" 2>&1
 
 programs=("$folder"/*.ngc)
-echo "1..$((${#programs[@]} + 2))"
+echo "1..$((${#programs[@]} + 3))"
 n=0
 result() { # GOOD DESCRIPTION
     n=$((n + 1))
@@ -83,4 +86,22 @@ result $? "the writer's programs are among them"
 SEGMILL_GCODE=$folder "$build/tests/nc_gcode_conformance" -p /nc/gcode/conformance/own \
     >"$folder/log" 2>&1
 result $? "and understands them as we do"
+grep '^#' "$folder/log" | head -n 60
+
+# The corpus: what LinuxCNC refuses has no answer.
+data=${SEGMILL_TEST_DATA:-../shared/data}
+if [ ! -d "$data/gcode_programs" ]; then
+    n=$((n + 1))
+    echo "ok $n # SKIP no outside data"
+    exit 0
+fi
+mkdir "$folder/corpus"
+while read -r path verdict _; do
+    [ "$verdict" = equal ] || continue
+    answer=$folder/corpus/${path//\//__}
+    ask "$data/$path" "$answer" || rm -f "$answer"
+done < <(grep -v '^#' tests/gcode/corpus.txt)
+SEGMILL_GCODE_CORPUS=$folder/corpus "$build/tests/nc_gcode_conformance" \
+    -p /nc/gcode/conformance/corpus >"$folder/log" 2>&1
+result $? "and every program of the corpus as tests/gcode/corpus.txt says"
 grep '^#' "$folder/log" | head -n 60
