@@ -27,7 +27,7 @@ from proxy import FAULTS, Fate, Proxy
 
 LATE_S = 0.25      # a delayed frame; segmill waits 0.1 s for an answer
 AGENT_TIMEOUT_S = 1
-AT_ONCE = 5        # cases side by side: they mostly wait
+AT_ONCE = 8        # cases side by side: they mostly wait
 REFUSED, LINK_LOST = 4, 7
 Target = collections.namedtuple("Target", "direction name fault bit", defaults=(0,))
 LATE = "once, a person went on: the host was too busy for beats"
