@@ -212,7 +212,7 @@ static void unwatch(Port *port)
 static void close_port(Port *port)
 {
     unwatch(port);
-    if (port->server && port->file >= 0)
+    if (port->file >= 0)
         close(port->file);
     port->file = -1;
 }
@@ -232,7 +232,7 @@ static Port *port_of(FbCanServer *s, FbCanChannel channel, unsigned agent, bool 
 static bool is_idle(const FbCanServer *s)
 {
     for (size_t i = 0; i < N_PORTS; i++)
-        if (s->ports[i].server && s->ports[i].file >= 0 && !fb_can_is_idle(s->ports[i].file))
+        if (s->ports[i].file >= 0 && !fb_can_is_idle(s->ports[i].file))
             return false;
     return true;
 }
@@ -291,6 +291,8 @@ FbCanServer *fb_can_server_new_on(FbCanBus bus, const FbCanSlaveOptions *options
     g_autoptr(FbCanServer) s = g_new0(FbCanServer, 1);
     FbCanSlaveOptions with_fd = *options;
     with_fd.fd = bus.has_fd(bus.data);
+    for (size_t i = 0; i < N_PORTS; i++)
+        s->ports[i].file = -1;
     s->bus = bus;
     s->slave = fb_can_slave_new(&with_fd, receiver);
     s->base = options->base;

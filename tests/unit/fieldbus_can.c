@@ -37,6 +37,7 @@ static void delivers_and_runs(bool machine_fd, bool agent_fd)
         chunks += sent->bytes[0] == FB_CAN_CHUNK;
         fd += sent->fd;
     }
+    g_assert_true((fd > 0) == (machine_fd && agent_fd));
     g_assert_cmpuint(chunks, ==, (g_bytes_get_size(p) + 8 + 4049) / 4050);
     const FbCanCounts counts = fb_can_server_counts(c.server);
     g_assert_cmpuint(counts.hellos, ==, 2);
@@ -325,6 +326,40 @@ static void beat_is_news(void)
     close_can(&c);
 }
 
+/* --------------------------------------------------------------------------- agents */
+
+/* Each agent of a host has a number of its own, and a key. */
+static void numbers(void)
+{
+    char *folder = test_folder();
+    g_autofree char *key = g_build_filename(folder, "can.key", NULL);
+    g_autofree char *address = g_strdup_printf("can://test%d", getpid());
+    CfgTarget target = {.address = address, .can_key = key, .can_first = 2, .can_last = 3};
+    g_autoptr(GError) error = NULL;
+    g_assert_null(fb_can_agent_new(&target, NULL)); /* no such file */
+    g_file_set_contents_full(key, "000102030405060708090a0b0c0d0e0f\n", -1,
+                             G_FILE_SET_CONTENTS_CONSISTENT, 0600, &error);
+    g_assert_no_error(error);
+    g_autoptr(FbCanAgent) first = fb_can_agent_new(&target, &error);
+    g_assert_no_error(error);
+    FbCanAgent *second = fb_can_agent_new(&target, &error);
+    g_assert_no_error(error);
+    g_assert_true(first && first->number == 2 && second && second->number == 3);
+    g_assert_null(fb_can_agent_new(&target, &error));
+    g_assert_error(error, FB_ERROR, FB_ERROR_UNREACHABLE);
+    g_clear_error(&error);
+    fb_can_agent_unref(second);
+    g_autoptr(FbCanAgent) third = fb_can_agent_new(&target, &error);
+    g_assert_no_error(error);
+    g_assert_true(third && third->number == 3);
+    target.can_key = NULL;
+    const CfgAgent agent = {.window = 1};
+    const FbSessionCallbacks callbacks = {0};
+    g_assert_null(fb_session_new(&target, &agent, &callbacks, NULL, &error));
+    g_assert_error(error, FB_ERROR, FB_ERROR_CREDENTIALS);
+    test_folder_remove(folder);
+}
+
 static void add(void)
 {
     g_test_add_func("/fieldbus/can/classic", classic);
@@ -338,6 +373,7 @@ static void add(void)
     g_test_add_func("/fieldbus/can/interface-down", interface_down);
     g_test_add_func("/fieldbus/can/restart", machine_restarted);
     g_test_add_func("/fieldbus/can/nobody", nobody_there);
+    g_test_add_func("/fieldbus/can/numbers", numbers);
     g_test_add_func("/fieldbus/can/beats", beats);
     g_test_add_func("/fieldbus/can/beat-is-news", beat_is_news);
 }
