@@ -1,51 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 # vcnc and segmill on CAN buses, one classic, one with FD: what goes over them is what
 # docs/protocol-can.md says; strangers change nothing; a bus that breaks is named, and used again.
-# shellcheck source=tests/kernel/setup.bash
-. tests/kernel/setup.bash
-export XDG_STATE_HOME=$dir/state XDG_CONFIG_HOME=$dir/config
-judge=$PWD/tests/kernel/can_judge.py bits=$PWD/tests/kernel/can_bits.py
+# shellcheck source=tests/kernel/can.bash
+. tests/kernel/can.bash
+judge=$PWD/tests/kernel/can_judge.py
 
-program() { # program BLOCKS BLOCK
-    printf '%s\n' 'G17 G21 G40 G49 G80 G90 G94'
-    for ((i = 0; i < $1; i++)); do
-        echo "G1 X$((i % 40)).$((100 + i % 900)) $2"
-    done
-    echo M2
-}
-configure() { # configure BUS NAME KEY_FILE GIVE_UP_S
-    printf '%s\n' '[link]' 'heartbeat_s = 0.2' 'reconnect_s = 0.1' 'reply_timeout_s = 0.5' \
-        "give_up_s = $4" '[machine.mill]' "address = can://$1" "can_key = $3" >"$dir/$2.ini"
-}
-agent() { # agent COMMAND…
-    timeout 60 "$segmill" "$@" --to mill --config "$dir/agent.ini" </dev/null
-}
-switch_on() { # switch_on BUS SPEED
-    mkfifo "$dir/hand.$((++machines))"
-    "$vcnc" --machine "$dir/machine.ini" --can "$1" --speed "$2" <"$dir/hand.$machines" \
-        >"$dir/vcnc.out" 2>"$dir/vcnc.err" &
-    vcnc_pid=$!
-    pids+=("$vcnc_pid")
-    exec 7>"$dir/hand.$machines"
-    within 5 grep -qsx "can $1" "$dir/vcnc.out" || cat "$dir/vcnc.err"
-    echo ack >&7
-}
-record() { # record BUS LOG
-    candump -r 100000000 -L "$1" >"$2" &
-    recorder=$!
-    pids+=("$recorder")
-    within 5 can_heard "$1"
-}
-enough() { # the recorder has caught up with what is over
-    local lines=-1 now
-    sleep 0.2
-    until now=$(wc -l <"$log"); [ $((now - lines)) -lt 20 ] && [ "$lines" -ge 0 ]; do
-        lines=$now
-        sleep 0.4
-    done
-    kill "$recorder"
-    wait "$recorder" 2>/dev/null
-}
 state_is() { # state_is STATE: within 10 s
     within 10 shows state "\"$1\"" || { cat "$dir/status.json" && return 1; }
 }
@@ -75,7 +34,7 @@ counted() { # counted NAME LEAST: vcnc's summary
 refuses_strangers() { # nothing that one without the key can do is done
     local before
     agent status --json >"$dir/before.json"
-    for ((i = 0; i < 3000; i += 150)); do # in bursts, or most would be lost on their way
+    for ((i = 0; i < 8400; i += 150)); do # in bursts, or most would be lost on their way
         for id in 100 110 120 130 140 150; do
             cangen "$bus" -g 0 -i -n 150 -I $id -L r -D r
         done
@@ -140,53 +99,21 @@ stops() { # two more programs hold, resume and abort the run of the first
     enough
     "$judge" "$log" "$dir/can.key" "$dir/slow.ngc" $form
 }
-# Program bytes a bit on the wire, beside the same bytes in ISO-TP messages of 4095: goal 0.95.
-economical() {
-    local ours plain
-    log=$dir/ours.log
-    record "$bus" "$log"
-    agent send "$dir/long.ngc" || return 1
-    enough
-    ours=$("$bits" "$log")
-    log=$dir/plain.log
-    record "$bus" "$log"
-    timeout 60 isotprecv -l -s 7e8 -d 7e0 $options "$bus" >"$dir/received" &
-    pids+=($!)
-    within 5 can_heard "$bus" isotp
-    for part in "$dir"/part.*; do # each is gone when isotpsend ends
-        od -An -v -tx1 -w4095 "$part" | timeout 5 isotpsend -s 7e0 -d 7e8 $options "$bus"
-        parts=$((parts + 1))
-    done
-    enough
-    [ "$(grep -Ec "$bus 7E0##?[0-9]?1[0-9A-F]{3}" "$log")" -ge $((parts - 1)) ] || return 1
-    plain=$("$bits" "$log")
-    echo "$ours $plain" | awk -v bytes="$(stat -c %s "$dir/long.ngc")" -v bus="$bus" '{
-        printf "# %s, %d bytes: %.5f program bytes a frame bit, plain ISO-TP %.5f: ratio %.3f (goal 0.95)\n",
-            bus, bytes, bytes / $3, bytes / $6, $6 / $3 }' | tee -a "$dir/figures"
-}
 
 mkfifo "$dir/silent" && exec 8<>"$dir/silent" # a keyboard that nobody touches
-cp config/etc/tools.ini config/etc/machine.ini "$dir"
-sed -i '/^\[can\]/,/^\[/s|^#key =.*|key = can.key|' "$dir/machine.ini"
-(umask 077 && head -c 32 /dev/urandom | od -An -v -tx1 | tr -d ' \n' >"$dir/can.key" &&
-    echo 00112233445566778899aabbccddeeff >"$dir/wrong.key")
 program 115 F24000 >"$dir/program.ngc" # about 2 kB
-program 6000 F24000 >"$dir/long.ngc"
-split -b 4095 "$dir/long.ngc" "$dir/part."
 program 200 F1000 >"$dir/slow.ngc"
-ip link add vcan0 type vcan && ip link set vcan0 mtu 16 up
-can_up vcan1
+buses
 
 for bus in ${CAN_BUSES-vcan0 vcan1}; do
-    options='' form='' parts=0
-    [ $bus = vcan0 ] || { options='-L 72:64:1' form=fd; }
-    configure $bus agent "$dir/can.key" 10
+    use_bus $bus
     configure $bus impatient "$dir/can.key" 1
     configure $bus wrong "$dir/wrong.key" 1
+    configure $bus same "$dir/can.key" 10
+    echo 'can_last = 0' >>"$dir/same.ini"
     switch_on $bus max
     ok "$bus: 2 kB are delivered and run, as documented" delivers
     ok "$bus: a foreign tool sees the chunk" sees
-    ok "$bus: bits on the wire" economical
     stop_vcnc TERM
     ok "$bus: nothing was refused, torn or unsent" clean
 
@@ -199,12 +126,13 @@ for bus in ${CAN_BUSES-vcan0 vcan1}; do
     ok "$bus: down, and up again" goes_down
     ok "$bus: the run is still followed" followed
     ok "$bus: another run" begins
-    kill -KILL "$run_pid" 2>/dev/null
-    ok "$bus: a killed agent's number is free" agent hold
+    ok "$bus: its number is nobody else's" not timeout 20 "$segmill" hold --to mill --config "$dir/same.ini"
+    kill -KILL "$run_pid" && wait "$run_pid" 2>/dev/null
+    ok "$bus: but free when it is killed" timeout 20 "$segmill" hold --to mill --config "$dir/same.ini"
     ok "$bus: the machine is held" state_is HELD
     ok "$bus: the run is over" agent abort
     stop_vcnc TERM
-    cat "$dir/vcnc.out" | sed 's/^/# /'
+    sed 's/^/# /' "$dir/vcnc.out"
     ok "$bus: three programs were started" grep -q 'programs: 3 started, 0 completed, 3 aborted' "$dir/vcnc.out"
     ok "$bus: forged messages and frames are counted" counted forged 100
     ok "$bus: malformed ones are" counted malformed 10
@@ -212,5 +140,4 @@ for bus in ${CAN_BUSES-vcan0 vcan1}; do
     ok "$bus: the bus-off is" grep -q 'CAN: error frames: bus-off 1$' "$dir/vcnc.out"
     ok "$bus: it was lost twice" counted breaks 2
 done
-cat "$dir/figures" 2>/dev/null
 finish
