@@ -83,6 +83,8 @@ soak: all  ## hours of the same: ten thousand damaged files, long fuzzing, thous
 bench: all  ## figures: ours, the peer's where there is one, the ratio
 	$(Q)$(SUBMAKE) $(BENCH) $(PARTS)
 	$(Q)for b in $(BENCH); do BUILD=$(BUILD) SEGMILL_TEST_DATA=$(TEST_DATA) $$b || exit 1; done
+	$(Q)$(SUBMAKE) $(BUILD)/kernel/poweroff
+	$(Q)BUILD=$(BUILD) tests/kernel/run.sh tests/kernel/bench/can.sh
 
 .PHONY: demo
 demo: all  ## the main job on a shipped part, against the virtual CNC
