@@ -29,6 +29,8 @@ check: all  ## every quick test: under 15 minutes on two cores
 .PHONY: check-ci
 check-ci: check-asan check-clang check-mutants check-sweep check-judges check-kernel  ## the longer proofs: under 45 minutes
 check-ci: export KERNEL_USE = uml
+check-ci: export CAN_ALL = 1
+check-ci: export CAN_PROGRAMS = 60
 
 # Open CASCADE's own leaks are suppressed by library; nothing of ours is.
 .PHONY: check-asan
@@ -66,7 +68,7 @@ check-judges: all
 # One after another: they share one processor inside.
 .PHONY: check-kernel
 check-kernel: all  ## CAN and GPIO: on this host if it has both, else in a kernel of their own
-	$(Q)$(SUBMAKE) $(BUILD)/kernel/poweroff
+	$(Q)$(SUBMAKE) $(BUILD)/kernel/poweroff $(CAN_FAULTS)
 	$(Q)tests/kernel/run.sh --on-host || tests/kernel/build.sh >/dev/null
 	$(Q)$(PROVE) -e bash tests/kernel/outside.sh
 	$(Q)$(PROVE) -e 'bash tests/kernel/run.sh' tests/kernel/t/*.sh
@@ -77,6 +79,9 @@ soak: all  ## hours of the same: ten thousand damaged files, long fuzzing, thous
 	$(Q)SEGMILL_MUTANTS=10000 $(PROVE) -e '' $(BUILD)/tests/segcore_mutants
 	$(Q)SEGMILL_SWEEP=10000000 $(PROVE) -v -e '' $(BUILD)/tests/fieldbus_faults
 	$(Q)SEGMILL_SOAK=2000 $(PROVE) -e bash tests/ci/soak.sh
+	$(Q)$(SUBMAKE) $(BUILD)/kernel/poweroff $(CAN_FAULTS)
+	$(Q)CAN_INSIDE=1 CAN_ALL=1 CAN_PROGRAMS=10 KERNEL_SECONDS=10800 KERNEL_USE=uml \
+	    $(PROVE) -e 'bash tests/kernel/run.sh' tests/kernel/t/can_faults.sh
 	$(Q)$(MAKE) --no-print-directory check-clang FUZZ_SECONDS=1800
 
 .PHONY: bench
@@ -122,11 +127,14 @@ $(BUILD)/bench/%: $(BUILD)/tests/bench/%.o $(TEST_LIB) $(LIBS)
 	$(call say,LD,$@)
 	$(LINK)
 
-# The last program in the kernel for the tests, where sanitizers cannot run.
+# The programs in the kernel for the tests, where sanitizers cannot run: the last one there, and the
+# faults on CAN, with each of its cells.
 $(BUILD)/tests/kernel/%.o: override SAN =
+CAN_FAULTS = $(addprefix $(BUILD)/kernel/,can_cell can_programs)
+$(CAN_FAULTS): $(addprefix $(BUILD)/tests/kernel/,can_faults.o can_bridge.o) $(FIELDBUS) $(CONFIG)
 $(BUILD)/kernel/%: $(BUILD)/tests/kernel/%.o
 	$(call say,LD,$@)
-	$(Q)mkdir -p $(@D) && $(CC) -o $@ $^
+	$(Q)mkdir -p $(@D) && $(CC) -o $@ $^ -Wl,--as-needed $(PKG_LIBS)
 
 # A fuzz target is one LLVMFuzzerTestOneInput. By default its main is a driver that runs the corpus
 # and seeded mutations of it as TAP; check-clang puts libFuzzer's in that place.
