@@ -17,16 +17,18 @@ typedef enum {
     BRIDGE_NO_FAULT,
     BRIDGE_LOST,
     BRIDGE_TWICE,
-    BRIDGE_TWICE_LATE,   /* the copy past the time-out of the answer */
-    BRIDGE_LATE,         /* past that time-out; others overtake it */
-    BRIDGE_STALLED,      /* past ISO-TP's time-outs as well, and all of this direction behind it */
-    BRIDGE_DAMAGED,      /* one bit of its data */
-    BRIDGE_AGENT_DOWN,   /* the interface goes down, and up again; the frame is lost */
-    BRIDGE_MACHINE_DOWN, /* */
-    BRIDGE_AGENT_OFF,    /* an error frame, bus-off; nothing goes or comes there for some time */
-    BRIDGE_MACHINE_OFF,  /* */
-    BRIDGE_REBOOTED,     /* by the caller: the machine is dead for some time */
-    BRIDGE_KILLED,       /* by the caller: the agent is dead until bridge_revive */
+    BRIDGE_TWICE_LATE, /* the copy past the time-out of the answer */
+    BRIDGE_LATE,       /* past that time-out; others overtake it */
+    BRIDGE_STALLED,    /* past ISO-TP's time-outs as well, and all of this direction behind it */
+    BRIDGE_DAMAGED,    /* one bit of its data */
+    /* An interface goes down, and up again; the frame is lost. */
+    BRIDGE_AGENT_DOWN,
+    BRIDGE_MACHINE_DOWN,
+    /* An error frame there, bus-off; nothing goes or comes for some time. */
+    BRIDGE_AGENT_OFF,
+    BRIDGE_MACHINE_OFF,
+    BRIDGE_REBOOTED, /* by the caller: the machine is dead for some time */
+    BRIDGE_KILLED,   /* by the caller: the agent is dead until bridge_revive */
     BRIDGE_N_FAULTS
 } BridgeFault;
 

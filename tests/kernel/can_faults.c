@@ -157,7 +157,7 @@ static const char *why_wrong(const Case *c, End *end)
     if (!first_well && !person)
         return "a fault of the bus ends it";
     if (c->fault == BRIDGE_REBOOTED && s->run == 0 && s->starts == 1) {
-        *end = STOPPED;
+        *end = first_well ? ONCE : STOPPED;
         if (s->lives != 2 || s->state != FB_STATE_OFF)
             return "not as after a reboot";
         if (first_well)
@@ -181,9 +181,9 @@ static const char *why_wrong(const Case *c, End *end)
 
 typedef struct {
     BridgeSeen *frames;
-    unsigned n_frames;
+    unsigned n_frames, n_agent; /* all, and the agent's */
     bool *chosen;
-    unsigned n_chosen;
+    unsigned n_chosen, n_chosen_agent;
     unsigned flow_control; /* the most depends on it: each of its bits is damaged */
     unsigned total;
     bool failed;
@@ -222,6 +222,8 @@ static void choose(Sweep *w, unsigned inside, unsigned all)
             ((!is_inside || n_inside++ % inside == inside / 2) && n_all++ % all == all / 2) ||
             i == w->flow_control;
         w->n_chosen += w->chosen[i];
+        w->n_agent += w->frames[i].from == BRIDGE_AGENT;
+        w->n_chosen_agent += w->chosen[i] && w->frames[i].from == BRIDGE_AGENT;
     }
 }
 
@@ -292,8 +294,10 @@ static bool sweep(Case *c, const char *name, unsigned inside, unsigned all)
     choose(&w, inside, all);
     for (BridgeFault fault = 1; fault < BRIDGE_N_FAULTS; fault++)
         sweep_fault(c, &w, fault);
-    printf("%s: %u of %u frames × %d faults: %u cases; a program of %zu bytes\n", name, w.n_chosen,
-           w.n_frames, BRIDGE_N_FAULTS - 1, w.total, c->cell.program_bytes);
+    printf("%s: %u of %u frames (%u of %u from the agent) × %d faults: %u cases; a program of %zu "
+           "bytes\n",
+           name, w.n_chosen, w.n_frames, w.n_chosen_agent, w.n_agent, BRIDGE_N_FAULTS - 1, w.total,
+           c->cell.program_bytes);
     g_free(w.frames);
     g_free(w.chosen);
     return !w.failed;

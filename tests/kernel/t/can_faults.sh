@@ -17,11 +17,12 @@ pair() { # pair MTU: two buses with a bridge of the test's between them
     done
 }
 sweep() { # sweep CELL NAME MTU INSIDE ALL
-    "$BUILD/kernel/$1" "$2" "agent$3" "machine$3" "$dir" "$4" "$5" >"$dir/report" 2>&1
-    local status=$?
-    sed 's/^/# /' "$dir/report"
+    local status
+    "$BUILD/kernel/$1" "$2" "agent$3" "machine$3" "$dir" "$4" "$5" 2>&1 | sed -u 's/^/# /' |
+        tee "$dir/report"
+    status=${PIPESTATUS[0]}
     tail -n 1 "$dir/report" >&2
-    ok "$2: every fault" test $status = 0
+    ok "$2: every fault" test "$status" = 0
 }
 
 # 16 cuts with a gate behind each: 18 s of machine time.
@@ -73,13 +74,14 @@ rpm_per_s = 10000000
 key = can.key
 INI
 for mtu in ${CAN_MTUS-72 16}; do
-    name=$([ $mtu = 72 ] && echo FD || echo classic)
-    ok "a pair of buses" pair $mtu
-    configure $mtu
+    [ "$mtu" = 72 ] && name=FD || name=classic
+    ok "$name: a pair of buses" pair "$mtu"
+    configure "$mtu"
     for cell in ${CAN_CELLS-can_cell can_programs}; do
-        case $cell in
-        can_cell) sweep $cell "$name" $mtu $([ $mtu = 72 ] && echo 1 || echo "$inside") "$all" ;;
-        can_programs) sweep $cell "$name, segmill and vcnc" $mtu 1 "$programs" ;;
+        case $cell-$mtu in
+        can_cell-72) sweep $cell FD 72 1 "$all" ;;
+        can_cell-16) sweep $cell classic 16 "$inside" "$all" ;;
+        can_programs-*) sweep $cell "$name, segmill and vcnc" "$mtu" 1 "$programs" ;;
         esac
     done
 done
