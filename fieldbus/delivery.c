@@ -105,12 +105,17 @@ static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions
     d->n_flights = 0;
     d->go_back = false;
     d->deadline_us = now_us + d->options.reconnect_us;
-    if (d->finishing)
+    /* Without the RELEASE the next start wants a person: it is worth one more connection. */
+    if (d->finishing && (!d->leased || d->farewells++ > 0))
         fb_task_end(d, out);
 }
 
 static void give_up(FbDelivery *d, FbActions *out)
 {
+    if (d->finishing) {
+        fb_task_end(d, out);
+        return;
+    }
     const bool running = fb_task_may_run(d);
     const char *doubt = d->asking ? "; whether it did " : "";
     fb_task_finish(

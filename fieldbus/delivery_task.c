@@ -350,6 +350,7 @@ static void begin(FbDelivery *d, FbTask task, int64_t now_us)
     d->task = task;
     d->since_us = d->again_us = now_us;
     d->damaged = 0;
+    d->farewells = 0;
     d->lapses_us = 0;
     d->must_look = true;
     /* What was delivered is started on the machine that took it, or not at all. */

@@ -53,6 +53,7 @@ struct FbDelivery {
     int64_t lapses_us;   /* the refused lease, when first looked at; 0: not yet */
     uint32_t task_epoch; /* another one ends the task; 0: none seen yet */
     bool finishing;      /* the task is over, with `outcome`, but for the release of the lease */
+    unsigned farewells;  /* connections that broke meanwhile */
     GError *outcome;
 
     GBytes *program;

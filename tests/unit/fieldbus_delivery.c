@@ -283,6 +283,26 @@ static void no_bytes_of_another_program(void)
     g_assert_cmpuint(fb_receiver_counts(b->receiver)[FB_ANSWER_HASH], ==, 0);
 }
 
+/* Whatever single request or reply is lost, a run that was seen to its end leaves the lease free,
+ * so that the next start wants nobody at the machine. */
+static void releases_whatever_is_lost(void)
+{
+    unsigned frames = 1;
+    for (unsigned at = 0; at < 2 * frames; at++) {
+        const Fault lost = {at % 2 ? FAULT_REPLY_LOST : FAULT_REQUEST_LOST, BUS_WORK, at / 2, 0};
+        g_autoptr(Bus) b = bus_new(&MODBUS, &lost, 1);
+        bus_deliver(b);
+        g_assert_true(bus_run(b, BUS_WORK, FB_TASK_DELIVER));
+        bus_start(b);
+        g_assert_true(bus_run(b, BUS_WORK, FB_TASK_RUN));
+        g_assert_no_error(agent(b)->error);
+        g_assert_cmpuint(bus_status(b).lease_owner, ==, 0);
+        g_assert_false(bus_status(b).needs_acknowledge);
+        frames = MAX(frames, agent(b)->frames);
+    }
+    g_assert_cmpuint(frames, >, 20);
+}
+
 /* A machine may publish what its carrier cannot take. */
 static void chunks_fit_their_carrier(void)
 {
@@ -320,6 +340,7 @@ static void add(void)
     g_test_add_func("/fieldbus/delivery/refusals-are-told", refusals_are_told);
     g_test_add_func("/fieldbus/delivery/start-of-another-epoch", start_of_another_epoch);
     g_test_add_func("/fieldbus/delivery/chunks-fit-their-carrier", chunks_fit_their_carrier);
+    g_test_add_func("/fieldbus/delivery/releases-whatever-is-lost", releases_whatever_is_lost);
     g_test_add_func("/fieldbus/delivery/credit-is-used-at-once", credit_is_used_at_once);
     g_test_add_func("/fieldbus/delivery/no-bytes-of-another-program", no_bytes_of_another_program);
 }
