@@ -24,7 +24,7 @@ bool nc_execute(NcExecution *x, GError **error)
     if (block->g[NC_G_NON_MODAL] == 280)
         go_home(x);
     else if (block->g[NC_G_NON_MODAL] == 281)
-        x->modal.home = x->modal.position;
+        nc_set_parameters_point(x, NC_PARAMETER_HOME, x->modal.position);
     if (block->motion >= 0 && !move(x, error))
         return false;
     stop(x);
@@ -145,6 +145,13 @@ static void set_control(NcModal *modal, const NcBlock *block)
         modal->tolerance_mm = p && p->value > 0.0 ? p->value * modal->unit_mm : INFINITY;
 }
 
+/* Its offset counts as it is now: one that is set later waits for the next time. */
+static void select_work(NcExecution *x, int wcs)
+{
+    x->modal.wcs = wcs;
+    x->modal.work_mm = nc_parameters_point(x, nc_parameter_of_work(wcs));
+}
+
 static bool set_modes(NcExecution *x, GError **error)
 {
     NcModal *modal = &x->modal;
@@ -158,7 +165,7 @@ static bool set_modes(NcExecution *x, GError **error)
     else if (g[NC_G_TOOL] == 430 && !set_tool_length(x, error))
         return false;
     if (g[NC_G_WORK] >= 0)
-        modal->wcs = g[NC_G_WORK] / 10 - 54;
+        select_work(x, g[NC_G_WORK] / 10 - 54);
     if (g[NC_G_CONTROL] >= 0)
         set_control(modal, x->block);
     if (g[NC_G_DISTANCE] >= 0)
@@ -174,11 +181,9 @@ static bool set_modes(NcExecution *x, GError **error)
 
 /* ------------------------------------------------------------------------ motion */
 
-/* Machine coordinates of the gauge point minus program coordinates. */
-static SegVec3 program_shift(const NcExecution *x)
+SegVec3 nc_program_shift(const NcExecution *x)
 {
-    const double *offset = x->machine->work_offset_mm[x->modal.wcs];
-    return seg_vec3(offset[0], offset[1], offset[2] + x->modal.tool_length_mm);
+    return seg_add(x->modal.work_mm, seg_vec3(0.0, 0.0, x->modal.tool_length_mm));
 }
 
 /* Where the block's axis words lead; axes without a word stay. */
@@ -200,7 +205,7 @@ static bool move(NcExecution *x, GError **error)
     NcModal *modal = &x->modal;
     const NcBlock *block = x->block;
     bool machine_coordinates = block->g[NC_G_NON_MODAL] == 530;
-    SegVec3 shift = machine_coordinates ? seg_vec3(0.0, 0.0, 0.0) : program_shift(x);
+    SegVec3 shift = machine_coordinates ? seg_vec3(0.0, 0.0, 0.0) : nc_program_shift(x);
     SegVec3 to = target(x, shift, modal->incremental && !machine_coordinates);
     if (block->motion == 0 || block->motion == 10) {
         NcMove *straight = append_to(x, block->motion == 0 ? NC_MOVE_RAPID : NC_MOVE_FEED, to);
@@ -222,17 +227,17 @@ static bool move(NcExecution *x, GError **error)
  * goes to that point even where none is named, so two moves it always is. */
 static void go_home(NcExecution *x)
 {
-    SegVec3 home = x->modal.position;
+    SegVec3 place = nc_parameters_point(x, NC_PARAMETER_HOME), home = x->modal.position;
     bool some = false;
     for (int axis = 0; axis < 3; axis++) {
         if (nc_word(x->block, (char)('X' + axis))) {
-            *nc_axis(&home, axis) = *nc_axis(&x->modal.home, axis);
+            *nc_axis(&home, axis) = *nc_axis(&place, axis);
             some = true;
         }
     }
-    SegVec3 by_way = target(x, program_shift(x), x->modal.incremental);
+    SegVec3 by_way = target(x, nc_program_shift(x), x->modal.incremental);
     append_to(x, NC_MOVE_RAPID, by_way)->machine_coordinates = !some;
-    append_to(x, NC_MOVE_RAPID, some ? home : x->modal.home)->machine_coordinates = true;
+    append_to(x, NC_MOVE_RAPID, some ? home : place)->machine_coordinates = true;
 }
 
 /* M2 and M30 leave the machine in a known state [NIST 3.6.1]. */
@@ -248,7 +253,7 @@ static void stop(NcExecution *x)
         break;
     case 2:
     case 30:
-        modal->wcs = 0;
+        select_work(x, 0);
         modal->plane = 17;
         modal->incremental = false;
         modal->motion = 10;

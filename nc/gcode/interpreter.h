@@ -9,13 +9,19 @@
 #ifndef NC_GCODE_INTERPRETER_H
 #define NC_GCODE_INTERPRETER_H
 
+#include "nc/gcode/parameters.h"
 #include "nc/motion/path.h"
 #include "nc/nc.h"
 
 #define NC_MM_PER_INCH 25.4
 
 /* LinuxCNC reads no longer lines, so neither do we. */
-enum { NC_MAX_LINE_BYTES = 252, NC_MAX_WORDS = 128 };
+enum {
+    NC_MAX_LINE_BYTES = 252,
+    NC_MAX_WORDS = 128,
+    NC_MAX_SETTINGS = 64,
+    NC_MAX_OWN_SETTINGS = 16
+};
 
 /* A letter and its number, and where it stands in the line. */
 typedef struct {
@@ -25,6 +31,12 @@ typedef struct {
     const char *text;
     double value;
 } NcWord;
+
+/* "#1=2": it counts from the next block on [NIST 3.3.2.2]. */
+typedef struct {
+    NcParameter parameter;
+    double value;
+} NcSetting;
 
 /* Modal groups of G codes [NIST, table 4]. */
 typedef enum {
@@ -54,6 +66,8 @@ typedef enum {
 typedef struct {
     NcWord words[NC_MAX_WORDS];
     int n_words;
+    NcSetting settings[NC_MAX_SETTINGS + NC_MAX_OWN_SETTINGS];
+    int n_settings;
     bool blank;
     bool deleted;             /* begins with "/" */
     bool percent;             /* the line is "%" */
@@ -69,7 +83,7 @@ typedef struct {
 /* What a block changes, and what the next one finds. */
 typedef struct {
     SegVec3 position; /* gauge point, machine coordinates */
-    SegVec3 home;     /* where G28 goes, machine coordinates */
+    SegVec3 work_mm;  /* the coordinate system in force, machine coordinates */
     double unit_mm;   /* 1, or 25.4 with G20 */
     double tool_length_mm;
     double feed_mm_min;
@@ -91,19 +105,37 @@ struct NcInterpreter {
     const CfgToolTable *tools;
     bool block_delete;
     NcModal modal;
+    NcParameters *parameters;
 };
 
-/* What execution works on: a modal state of its own, kept only when the block succeeds. */
+/* What execution works on: a modal state of its own, kept only when the block succeeds. The
+ * parameters are read; what the block sets waits in it until then. */
 typedef struct {
     const CfgMachine *machine;
     const CfgToolTable *tools;
     NcModal modal;
+    NcParameters *parameters;
     GArray *moves;
-    const NcBlock *block;
+    NcBlock *block;
 } NcExecution;
 
-/* Splits a line into words; comments are taken out. */
-bool nc_lex(const char *text, size_t length, uint32_t line, NcBlock *block, GError **error);
+/* Splits a line into the words of the execution's block; comments are taken out. */
+bool nc_lex(const NcExecution *execution, const char *text, size_t length, GError **error);
+
+/* A parameter's value, those that the machine sets included; false (and 0 or NAN) where it was
+ * never set. */
+bool nc_parameter_value(const NcExecution *execution, NcParameter parameter, double *value);
+
+/* Not those that the machine sets. */
+bool nc_parameter_writable(const NcExecution *execution, NcParameter parameter);
+
+/* Three numbered parameters from `index` on, as they are with what the block sets, and setting
+ * them. */
+SegVec3 nc_parameters_point(const NcExecution *execution, int index);
+void nc_set_parameters_point(NcExecution *execution, int index, SegVec3 point);
+
+/* Machine coordinates of the gauge point minus program coordinates. */
+SegVec3 nc_program_shift(const NcExecution *execution);
 
 /* Sorts the words into groups and refuses what RS-274 forbids whatever the modal state is, and
  * motion that the state does not allow; finds the motion of the block. */

@@ -8,16 +8,29 @@ static bool read_block(NcInterpreter *interpreter, const char *text, size_t leng
                        GArray *moves, GError **error);
 static bool read_percent(NcExecution *execution, GError **error);
 
+/* What the machine file says, where a program can read and set it. */
+static void keep_offsets(NcParameters *parameters, const CfgMachine *machine)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        parameters->numbered[NC_PARAMETER_HOME + axis] = machine->tool_change_mm[axis];
+        for (int i = 0; i < (int)G_N_ELEMENTS(machine->work_offset_mm); i++)
+            parameters->numbered[nc_parameter_of_work(i) + axis] = machine->work_offset_mm[i][axis];
+    }
+}
+
 /* Before the first tool change the machine stands, and G28 goes, where it changes tools: the one
  * place the machine file names. */
 NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable *tools)
 {
     NcInterpreter *interpreter = g_new0(NcInterpreter, 1);
     const double *home = machine->tool_change_mm;
+    const double *work = machine->work_offset_mm[0];
     interpreter->machine = machine;
     interpreter->tools = tools;
+    interpreter->parameters = nc_parameters_new();
+    keep_offsets(interpreter->parameters, machine);
     interpreter->modal = (NcModal){
-        .home = seg_vec3(home[0], home[1], home[2]),
+        .work_mm = seg_vec3(work[0], work[1], work[2]),
         .position = seg_vec3(home[0], home[1], home[2]),
         .unit_mm = 1.0,
         .tolerance_mm = INFINITY,
@@ -29,7 +42,10 @@ NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable 
 
 void nc_interpreter_free(NcInterpreter *interpreter)
 {
-    g_free(interpreter);
+    if (interpreter) {
+        nc_parameters_free(interpreter->parameters);
+        g_free(interpreter);
+    }
 }
 
 void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point)
@@ -55,14 +71,15 @@ static bool read_block(NcInterpreter *interpreter, const char *text, size_t leng
     NcExecution execution = {.machine = interpreter->machine,
                              .tools = interpreter->tools,
                              .modal = interpreter->modal,
+                             .parameters = interpreter->parameters,
                              .moves = moves,
                              .block = block};
     NcModal *modal = &execution.modal;
     guint n_before = moves->len;
     modal->line++;
-    if (!nc_lex(text, length, modal->line, block, error))
+    if (!nc_lex(&execution, text, length, error))
         return false;
-    bool empty = block->n_words == 0 && !block->percent;
+    bool empty = block->n_words == 0 && block->n_settings == 0 && !block->percent;
     if (modal->ended && !empty)
         return nc_word_error(error, modal->line, NULL, "nothing is read after the program's end");
     bool skipped = block->deleted && interpreter->block_delete;
@@ -73,6 +90,9 @@ static bool read_block(NcInterpreter *interpreter, const char *text, size_t leng
         g_array_set_size(moves, n_before);
         return false;
     }
+    for (int i = 0; !skipped && i < block->n_settings; i++)
+        nc_parameter_set(interpreter->parameters, block->settings[i].parameter,
+                         block->settings[i].value);
     modal->begun = modal->begun || !block->blank;
     interpreter->modal = *modal;
     return true;
