@@ -34,6 +34,7 @@ split -b 4095 "$dir/long.ngc" "$dir/part."
 buses
 for each in vcan0 vcan1; do
     use_bus $each
+    sed -i "s/^heartbeat_s.*/heartbeat_s = 0.5/" "$dir/agent.ini" # as it is where nothing is said
     switch_on $bus max
     economical || exit
     stop_vcnc TERM

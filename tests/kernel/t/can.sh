@@ -12,7 +12,7 @@ shows() { # shows KEY VALUE: the status does
     agent status --json >"$dir/status.json" 2>&1
     grep -q "^  \"$1\": $2,\$" "$dir/status.json"
 }
-begins() { # a program that takes a minute is started by a program in the background
+begins() { # a program that takes some minutes is started by a program in the background
     "$segmill" send "$dir/slow.ngc" --start --to mill --config "$dir/agent.ini" \
         </dev/null >"$dir/run.out" 2>"$dir/run.err" &
     run_pid=$!
@@ -34,7 +34,7 @@ counted() { # counted NAME LEAST: vcnc's summary
 refuses_strangers() { # nothing that one without the key can do is done
     local before
     agent status --json >"$dir/before.json"
-    for ((i = 0; i < 8400; i += 150)); do # in bursts, or most would be lost on their way
+    for ((i = 0; i < 4200; i += 150)); do # in bursts, or most would be lost on their way
         for id in 100 110 120 130 140 150; do
             cangen "$bus" -g 0 -i -n 150 -I $id -L r -D r
         done
@@ -102,7 +102,7 @@ stops() { # two more programs hold, resume and abort the run of the first
 
 mkfifo "$dir/silent" && exec 8<>"$dir/silent" # a keyboard that nobody touches
 program 115 F24000 >"$dir/program.ngc" # about 2 kB
-program 200 F1000 >"$dir/slow.ngc"
+program 200 F100 >"$dir/slow.ngc" # some minutes
 buses
 
 for bus in ${CAN_BUSES-vcan0 vcan1}; do
