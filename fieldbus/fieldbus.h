@@ -340,7 +340,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbModbusServer, fb_modbus_server_free)
 typedef struct {
     const char *interface; /* "can0" */
     const char *key_file;  /* hexadecimal; nobody but its owner may read it */
-    uint16_t base;         /* lowest identifier */
+    uint16_t base;         /* lowest identifier; CFG_CAN_BASE_MOST at most */
     unsigned agents;       /* served: numbers 0 to agents - 1; 16 at most */
 } FbCanOptions;
 
