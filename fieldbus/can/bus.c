@@ -89,8 +89,8 @@ static int open_frames(void *data, uint16_t first, unsigned n, GError **error)
 static int open_messages(void *data, uint16_t sends, uint16_t takes, bool fd, GError **error)
 {
     const char *interface = data;
-    /* No separation, whatever a flow control says: a damaged one could ask for 127 ms a frame, and a
-     * message that is on its way out can neither be ended nor closed. */
+    /* No separation, whatever a flow control says: a damaged one could ask for 127 ms a frame, and
+     * a message that is on its way out can neither be ended nor closed. */
     const struct can_isotp_options options = {.flags = CAN_ISOTP_FORCE_TXSTMIN,
                                               .frame_txtime = CAN_ISOTP_FRAME_TXTIME_ZERO};
     const struct can_isotp_ll_options frames = {
