@@ -30,7 +30,7 @@ check: all  ## every quick test: under 15 minutes on two cores
 check-ci: check-asan check-clang check-mutants check-sweep check-judges check-kernel  ## the longer proofs: under 45 minutes
 check-ci: export KERNEL_USE = uml
 check-ci: export CAN_ALL = 1
-check-ci: export CAN_PROGRAMS = 60
+check-ci: export CAN_CELLS = can_cell can_programs
 
 # Open CASCADE's own leaks are suppressed by library; nothing of ours is.
 .PHONY: check-asan
@@ -80,8 +80,8 @@ soak: all  ## hours of the same: ten thousand damaged files, long fuzzing, thous
 	$(Q)SEGMILL_SWEEP=10000000 $(PROVE) -v -e '' $(BUILD)/tests/fieldbus_faults
 	$(Q)SEGMILL_SOAK=2000 $(PROVE) -e bash tests/ci/soak.sh
 	$(Q)$(SUBMAKE) $(BUILD)/kernel/poweroff $(CAN_FAULTS)
-	$(Q)CAN_INSIDE=1 CAN_ALL=1 CAN_PROGRAMS=10 KERNEL_SECONDS=10800 KERNEL_USE=uml \
-	    $(PROVE) -e 'bash tests/kernel/run.sh' tests/kernel/t/can_faults.sh
+	$(Q)CAN_INSIDE=1 CAN_ALL=1 CAN_CELLS='can_cell can_programs' CAN_PROGRAMS=10 \
+	    KERNEL_SECONDS=10800 KERNEL_USE=uml $(PROVE) -e 'bash tests/kernel/run.sh' tests/kernel/t/can_faults.sh
 	$(Q)$(MAKE) --no-print-directory check-clang FUZZ_SECONDS=1800
 
 .PHONY: bench

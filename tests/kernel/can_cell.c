@@ -255,7 +255,8 @@ typedef struct {
     CellSeen *seen;
     FbSession *session;
     GBytes *program;
-    bool follows; /* a run that it did not start */
+    bool follows;        /* a run that it did not start */
+    bool holds, holding; /* a hold is to be asked for; or was, and a RESUME is due */
 } Agent;
 
 static void end_task(Agent *a, const GError *error)
@@ -270,6 +271,8 @@ static void on_done(FbTask task, const GError *error, void *data)
     Agent *a = data;
     uint64_t gates[GATES];
     gates_of(a->program, gates);
+    if (task == FB_TASK_COMMAND && a->seen->task == CELL_SEND_HOLDING)
+        return; /* the run goes on, or ends with an error of its own */
     if (error || task == FB_TASK_RUN)
         end_task(a, error);
     else if (task == FB_TASK_SETUP)
@@ -285,6 +288,14 @@ static void on_status(const FbStatus *status, void *data)
     Agent *a = data;
     if (a->follows && (status->state == FB_STATE_HELD || status->state == FB_STATE_COMPLETE))
         end_task(a, NULL);
+    if (a->holds && status->state == FB_STATE_RUNNING && status->executed_blocks > 0) {
+        a->holds = false;
+        a->holding = true;
+        fb_session_command(a->session, FB_COMMAND_HOLD, NULL);
+    } else if (a->holding && status->state == FB_STATE_HELD) {
+        a->holding = false;
+        fb_session_command(a->session, FB_COMMAND_RESUME, NULL);
+    }
 }
 
 static FbSession *new_session(Agent *a, GError **error)
@@ -309,7 +320,8 @@ static FbSession *new_session(Agent *a, GError **error)
 static void work(Agent *a)
 {
     g_autoptr(GError) error = NULL;
-    a->follows = false;
+    a->follows = a->holding = false;
+    a->holds = a->seen->task == CELL_SEND_HOLDING;
     a->session = new_session(a, &error);
     if (!a->session) {
         end_task(a, error);
@@ -401,7 +413,8 @@ void cell_agent(Cell *cell, CellTask task)
 
 void cell_kill_agent(Cell *cell)
 {
-    kill(cell->agent, SIGKILL);
+    if (cell->agent > 0)
+        kill(cell->agent, SIGKILL);
 }
 
 void cell_cut(Cell *cell)

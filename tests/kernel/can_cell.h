@@ -15,7 +15,8 @@
 
 enum { CELL_WHY_BYTES = 300, CELL_EXECUTED_BYTES = 8192 };
 
-typedef enum { CELL_SEND, CELL_RESUME } CellTask; /* as `segmill send --start`, `segmill resume` */
+/* As `segmill send --start`, `segmill resume`; the third also holds the run and resumes it. */
+typedef enum { CELL_SEND, CELL_RESUME, CELL_SEND_HOLDING } CellTask;
 
 /* What has been seen of both; of the lines executed the text, each with its newline. */
 typedef struct {
@@ -48,13 +49,15 @@ typedef struct {
     int news;   /* for the caller: something of `seen` is another */
     /* Of the programs' cell: */
     char id[65];
-    unsigned earlier_starts, earlier_bytes; /* before the machine's present life */
+    struct {
+        unsigned starts, completed, held, n_executed;
+    } earlier; /* in the machine's lives before this one */
 } Cell;
 
 bool cell_open(Cell *cell);  /* the caller has set the names; false with errno */
 void cell_begin(Cell *cell); /* a case: a machine in its first life, OFF; nothing seen */
 void cell_button(const Cell *cell);
-void cell_agent(Cell *cell, CellTask task);
+void cell_agent(Cell *cell, CellTask task); /* can_programs.c has no CELL_SEND_HOLDING */
 
 /* SIGKILL. A machine that was cut is started, in its next life, by cell_boot. */
 void cell_kill_agent(Cell *cell);

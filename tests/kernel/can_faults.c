@@ -9,9 +9,10 @@
  * bytes on the machine are the program, and the lines executed are the program's, each once; or,
  * over a reboot, the first of them, each once, and the agent says that it does not know more.
  *
- * usage: CELL NAME AGENT_INTERFACE MACHINE_INTERFACE FOLDER INSIDE ALL
+ * usage: CELL NAME AGENT_INTERFACE MACHINE_INTERFACE FOLDER INSIDE ALL [hold]
  * Of the consecutive frames inside a message every INSIDE-th one is taken, of all those that are
- * left every ALL-th; 1: each.
+ * left every ALL-th, others for each fault; 1: each. `hold`: the run is held and resumed, and the
+ * frames are those from the STOP on.
  */
 #include <errno.h>
 #include <stdio.h>
@@ -23,14 +24,16 @@
 
 enum {
     PATIENCE_S = 120,
-    QUIET_MS = 2500,
+    QUIET_MS = 1800,
     LOOK_MS = 400,
     LOOK_TURNS = 100,
     ROUNDS = 8,
+    STOP_ID = 0x100,
     BEAT_ID = 0x110,
     CONSECUTIVE = 2, /* ISO-TP's kinds of frame */
     FLOW_CONTROL = 3,
     FLOW_CONTROL_BITS = 24,
+    SPREAD = 7,
 };
 
 typedef enum { ONCE, HELPED, STOPPED, ABSENT, WRONG, N_ENDS } End;
@@ -42,6 +45,7 @@ static const char *const end_names[N_ENDS] = {"once, without help", "once, a per
 typedef struct {
     Cell cell;
     Bridge *bridge;
+    CellTask task;
     GBytes *whole; /* what a run without a fault executes; NULL: not known yet */
     BridgeFault fault;
     bool quiet; /* nobody moved in time */
@@ -129,7 +133,7 @@ static void run_case(Case *c, BridgeFault fault, unsigned at, unsigned bit)
     cell_begin(&c->cell);
     bridge_reset(c->bridge, fault, at, bit);
     cell_button(&c->cell);
-    start_agent(c, CELL_SEND);
+    start_agent(c, c->task);
     c->quiet = settle(c);
     c->first_ended = s->ended;
     c->first_code = s->code;
@@ -170,8 +174,8 @@ static const char *why_wrong(const Case *c, End *end)
         return "not executed whole";
     if (!s->stored || s->state != FB_STATE_COMPLETE)
         return "not COMPLETE, with the program on the machine";
-    if (!person && s->held > 0)
-        return "was held";
+    if (!person && s->held != (c->task == CELL_SEND_HOLDING))
+        return "holds that nobody asked for, or none";
     if (s->ended && s->code != -1)
         return "the agent's last word";
     return NULL;
@@ -182,8 +186,9 @@ static const char *why_wrong(const Case *c, End *end)
 typedef struct {
     BridgeSeen *frames;
     unsigned n_frames, n_agent; /* all, and the agent's */
+    unsigned first;             /* that may be chosen */
     bool *chosen;
-    unsigned n_chosen, n_chosen_agent;
+    unsigned inside, all;  /* of these every so many */
     unsigned flow_control; /* the most depends on it: each of its bits is damaged */
     unsigned total;
     bool failed;
@@ -198,7 +203,7 @@ static bool is_consecutive(const Sweep *w, unsigned i)
 static unsigned find_flow_control(const Sweep *w)
 {
     unsigned found = 0, longest = 0;
-    for (unsigned i = 0; i < w->n_frames; i++) {
+    for (unsigned i = w->first; i < w->n_frames; i++) {
         unsigned row = 0;
         while (is_consecutive(w, i + 1 + row))
             row++;
@@ -210,20 +215,26 @@ static unsigned find_flow_control(const Sweep *w)
     return found;
 }
 
-/* Of the consecutive frames inside a message every so many; of what is left then every so many. */
-static void choose(Sweep *w, unsigned inside, unsigned all)
+/* From the first STOP on, where there is one. */
+static unsigned find_first(const Sweep *w)
 {
-    unsigned n_inside = 0, n_all = 0;
-    w->flow_control = find_flow_control(w);
-    for (unsigned i = 0; i < w->n_frames; i++) {
-        const bool is_inside =
-            i > 0 && is_consecutive(w, i - 1) && is_consecutive(w, i) && is_consecutive(w, i + 1);
+    for (unsigned i = 0; i < w->n_frames; i++)
+        if (w->frames[i].id == STOP_ID)
+            return i;
+    return 0;
+}
+
+/* Of the consecutive frames inside a message every so many; of what is left then every so many,
+ * others for each fault. */
+static void choose(Sweep *w, BridgeFault fault)
+{
+    unsigned n_inside = 0, n_all = fault * SPREAD;
+    for (unsigned i = w->first; i < w->n_frames; i++) {
+        const bool is_inside = i > w->first && is_consecutive(w, i - 1) && is_consecutive(w, i) &&
+                               is_consecutive(w, i + 1);
         w->chosen[i] =
-            ((!is_inside || n_inside++ % inside == inside / 2) && n_all++ % all == all / 2) ||
-            i == w->flow_control;
-        w->n_chosen += w->chosen[i];
-        w->n_agent += w->frames[i].from == BRIDGE_AGENT;
-        w->n_chosen_agent += w->chosen[i] && w->frames[i].from == BRIDGE_AGENT;
+            ((!is_inside || (n_inside++ + fault) % w->inside == 0) && n_all++ % w->all == 0) ||
+            (i == w->flow_control && fault == BRIDGE_DAMAGED);
     }
 }
 
@@ -257,7 +268,8 @@ static End try_case(Case *c, const Sweep *w, BridgeFault fault, unsigned at, uns
 static void sweep_fault(Case *c, Sweep *w, BridgeFault fault)
 {
     unsigned ends[N_ENDS] = {0}, n = 0;
-    for (unsigned at = 0; at < w->n_frames; at++) {
+    choose(w, fault);
+    for (unsigned at = w->first; at < w->n_frames; at++) {
         const bool bits = fault == BRIDGE_DAMAGED && at == w->flow_control;
         const unsigned times = !w->chosen[at] ? 0 : bits ? FLOW_CONTROL_BITS : 1;
         for (unsigned i = 0; i < times; i++)
@@ -276,7 +288,7 @@ static void sweep_fault(Case *c, Sweep *w, BridgeFault fault)
 
 static bool sweep(Case *c, const char *name, unsigned inside, unsigned all)
 {
-    Sweep w = {0};
+    Sweep w = {.inside = inside, .all = all};
     End end = WRONG;
     run_case(c, BRIDGE_NO_FAULT, 0, 0);
     const BridgeSeen *seen = bridge_seen(c->bridge, &w.n_frames);
@@ -291,12 +303,15 @@ static bool sweep(Case *c, const char *name, unsigned inside, unsigned all)
         return false;
     }
     c->whole = g_bytes_new(c->cell.seen->executed, c->cell.seen->n_executed);
-    choose(&w, inside, all);
+    w.first = find_first(&w);
+    w.flow_control = find_flow_control(&w);
+    for (unsigned i = w.first; i < w.n_frames; i++)
+        w.n_agent += w.frames[i].from == BRIDGE_AGENT;
     for (BridgeFault fault = 1; fault < BRIDGE_N_FAULTS; fault++)
         sweep_fault(c, &w, fault);
-    printf("%s: %u of %u frames (%u of %u from the agent) × %d faults: %u cases; a program of %zu "
-           "bytes\n",
-           name, w.n_chosen, w.n_frames, w.n_chosen_agent, w.n_agent, BRIDGE_N_FAULTS - 1, w.total,
+    printf("%s: %u frames (%u from the agent) × %d faults; inside messages every %u., of these "
+           "every %u.: %u cases; a program of %zu bytes\n",
+           name, w.n_frames - w.first, w.n_agent, BRIDGE_N_FAULTS - 1, inside, all, w.total,
            c->cell.program_bytes);
     g_free(w.frames);
     g_free(w.chosen);
@@ -319,11 +334,13 @@ static unsigned number(const char *word)
 int main(int argc, char **argv)
 {
     static Case c;
-    if (argc != 7) {
-        fprintf(stderr, "usage: %s NAME AGENT_INTERFACE MACHINE_INTERFACE FOLDER INSIDE ALL\n",
+    if (argc < 7 || argc > 8) {
+        fprintf(stderr,
+                "usage: %s NAME AGENT_INTERFACE MACHINE_INTERFACE FOLDER INSIDE ALL [hold]\n",
                 argv[0]);
         return 2;
     }
+    c.task = argc == 8 ? CELL_SEND_HOLDING : CELL_SEND;
     if (!prepare(&c, argv + 2)) {
         fprintf(stderr, "%s: no bridge from %s to %s: %s\n", argv[0], argv[2], argv[3],
                 strerror(errno));

@@ -25,7 +25,7 @@ static char *path(const Cell *cell, const char *name)
     return g_build_filename(cell->folder, name, NULL);
 }
 
-/* With these as its standard input and output; -1: /dev/null. */
+/* With these as its standard input and output; -1: /dev/null, where its errors go, too. */
 static pid_t start(char *const *words, int in, int out)
 {
     const pid_t pid = fork();
@@ -35,7 +35,7 @@ static pid_t start(char *const *words, int in, int out)
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     dup2(in >= 0 ? in : nothing, STDIN_FILENO);
     dup2(out >= 0 ? out : nothing, STDOUT_FILENO);
-    dup2(out >= 0 ? out : nothing, STDERR_FILENO);
+    dup2(nothing, STDERR_FILENO);
     execv(words[0], words);
     _exit(127);
 }
@@ -80,16 +80,19 @@ void cell_button(const Cell *cell)
 
 void cell_cut(Cell *cell)
 {
+    CellSeen *s = cell->seen;
     kill(cell->machine, SIGKILL);
     waitpid(cell->machine, NULL, 0);
     close(cell->button);
     cell_look(cell);
     cell->machine = 0;
-    cell->earlier_starts = cell->seen->starts;
-    cell->earlier_bytes = cell->seen->n_executed;
-    cell->seen->state = FB_STATE_OFF;
-    cell->seen->run = 0;
-    cell->seen->stored = false;
+    cell->earlier.starts = s->starts;
+    cell->earlier.completed = s->completed;
+    cell->earlier.held = s->held;
+    cell->earlier.n_executed = s->n_executed;
+    s->state = FB_STATE_OFF;
+    s->run = 0;
+    s->stored = false;
 }
 
 /* A run begins where the machine stood without one. */
@@ -129,11 +132,13 @@ static void see_log(const Cell *cell)
     *(end ? end : text) = 0;
     g_auto(GStrv) entries = g_strsplit(text, "\n", -1);
     s->state = FB_STATE_OFF;
-    s->run = s->held = s->completed = 0;
-    s->n_executed = cell->earlier_bytes;
+    s->run = 0;
+    s->held = cell->earlier.held;
+    s->completed = cell->earlier.completed;
+    s->n_executed = cell->earlier.n_executed;
     for (char **entry = entries; *entry; entry++)
         see_entry(cell, *entry);
-    s->starts = cell->earlier_starts + s->run;
+    s->starts = cell->earlier.starts + s->run;
 }
 
 /* ----------------------------------------------------------------------------- agent */
@@ -201,7 +206,7 @@ void cell_begin(Cell *cell)
     if (cell->machine > 0)
         cell_cut(cell);
     memset(cell->seen, 0, sizeof *cell->seen);
-    cell->earlier_starts = cell->earlier_bytes = 0;
+    memset(&cell->earlier, 0, sizeof cell->earlier);
     cell_boot(cell);
 }
 

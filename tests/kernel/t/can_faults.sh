@@ -3,12 +3,12 @@
 # KERNEL_SECONDS=1200
 # SPDX-License-Identifier: Apache-2.0
 # The frames of a delivery and its run over CAN, FD and classic, × every fault (can_faults.c). Of the
-# consecutive frames inside a message every CAN_INSIDE-th, of those that are left every CAN_ALL-th, of
-# those of segmill and vcnc themselves every CAN_PROGRAMS-th. `make check` takes a part, `make
-# check-ci` all but the inside of classic messages, `make soak` each.
+# consecutive frames inside a classic message every CAN_INSIDE-th, of what is left every CAN_ALL-th, of
+# the frames of segmill and vcnc themselves every CAN_PROGRAMS-th. `make check` takes a part, `make
+# check-ci` all but the inside of classic messages, `make soak` each; docs/testing.md.
 # shellcheck source=tests/kernel/setup.bash
 . tests/kernel/setup.bash
-inside=${CAN_INSIDE-200} all=${CAN_ALL-8} programs=${CAN_PROGRAMS-200}
+inside=${CAN_INSIDE-200} all=${CAN_ALL-8} programs=${CAN_PROGRAMS-100}
 
 pair() { # pair MTU: two buses with a bridge of the test's between them
     local bus
@@ -16,9 +16,9 @@ pair() { # pair MTU: two buses with a bridge of the test's between them
         ip link add "$bus$1" type vcan && ip link set "$bus$1" mtu "$1" up || return
     done
 }
-sweep() { # sweep CELL NAME MTU INSIDE ALL
+sweep() { # sweep CELL NAME MTU INSIDE ALL [hold]
     local status
-    "$BUILD/kernel/$1" "$2" "agent$3" "machine$3" "$dir" "$4" "$5" 2>&1 | sed -u 's/^/# /' |
+    "$BUILD/kernel/$1" "$2" "agent$3" "machine$3" "$dir" "${@:4}" 2>&1 | sed -u 's/^/# /' |
         tee "$dir/report"
     status=${PIPESTATUS[0]}
     tail -n 1 "$dir/report" >&2
@@ -74,14 +74,20 @@ rpm_per_s = 10000000
 key = can.key
 INI
 for mtu in ${CAN_MTUS-72 16}; do
-    [ "$mtu" = 72 ] && name=FD || name=classic
-    ok "$name: a pair of buses" pair "$mtu"
+    ok "buses of $mtu bytes a frame" pair "$mtu"
     configure "$mtu"
-    for cell in ${CAN_CELLS-can_cell can_programs}; do
+    for cell in ${CAN_CELLS-can_cell}; do
         case $cell-$mtu in
-        can_cell-72) sweep $cell FD 72 1 "$all" ;;
-        can_cell-16) sweep $cell classic 16 "$inside" "$all" ;;
-        can_programs-*) sweep $cell "$name, segmill and vcnc" "$mtu" 1 "$programs" ;;
+        can_cell-72)
+            sweep "$cell" FD 72 1 "$all"
+            sweep "$cell" "FD, a hold" 72 "$inside" "$((all * 4))" hold
+            ;;
+        can_cell-16)
+            sweep "$cell" classic 16 "$inside" "$all"
+            sweep "$cell" "classic, a hold" 16 "$inside" "$((all * 4))" hold
+            ;;
+        can_programs-72) sweep "$cell" "FD, segmill and vcnc" 72 1 "$programs" ;;
+        can_programs-16) sweep "$cell" "classic, segmill and vcnc" 16 1 "$((programs * 4))" ;;
         esac
     done
 done
