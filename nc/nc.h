@@ -227,9 +227,10 @@ typedef enum {
 /* One canonical action of a block, in MACHINE coordinates of the tool's gauge point. */
 typedef struct {
     NcMoveKind kind;
-    uint32_t line;  /* from 1 */
-    int32_t region; /* of the last (REGION n …) comment; 0: none yet */
-    int tool;       /* in the spindle; for a tool change the new one */
+    uint32_t line;       /* from 1; ascending: of a loop its last line, of a subroutine its call */
+    uint32_t block_line; /* of the block itself, inside those; 0: the same */
+    int32_t region;      /* of the last (REGION n …) comment; 0: none yet */
+    int tool;            /* in the spindle; for a tool change the new one */
     SegVec3 from, to;
     SegVec3 centre; /* arcs */
     int plane;      /* arcs: 17, 18, 19 */

@@ -43,7 +43,8 @@ NcMove *nc_append_move(NcExecution *x, NcMoveKind kind)
     NcMove *made = &g_array_index(x->moves, NcMove, x->moves->len - 1);
     *made = (NcMove){
         .kind = kind,
-        .line = modal->line,
+        .line = x->statement_line,
+        .block_line = modal->line == x->statement_line ? 0 : modal->line,
         .region = modal->region,
         .tool = modal->tool,
         .from = modal->position,

@@ -69,6 +69,7 @@ typedef struct {
     NcSetting settings[NC_MAX_SETTINGS + NC_MAX_OWN_SETTINGS];
     int n_settings;
     bool blank;
+    bool structure;           /* its line belongs to O words; nothing else is set */
     bool deleted;             /* begins with "/" */
     bool percent;             /* the line is "%" */
     int32_t region;           /* of a (REGION n …) comment; -1: none */
@@ -100,12 +101,15 @@ typedef struct {
     uint32_t line; /* the last one read */
 } NcModal;
 
+typedef struct NcFlow NcFlow;
+
 struct NcInterpreter {
     const CfgMachine *machine;
     const CfgToolTable *tools;
     bool block_delete;
     NcModal modal;
     NcParameters *parameters;
+    NcFlow *flow;
 };
 
 /* What execution works on: a modal state of its own, kept only when the block succeeds. The
@@ -117,7 +121,12 @@ typedef struct {
     NcParameters *parameters;
     GArray *moves;
     NcBlock *block;
+    uint32_t statement_line; /* of the line that is carried out; within a subroutine the call's */
+    bool block_delete;
 } NcExecution;
+
+/* Reads and carries out the block of line modal.line; its settings count from then on. */
+bool nc_run_block(NcExecution *execution, const char *text, size_t length, GError **error);
 
 /* Splits a line into the words of the execution's block; comments are taken out. */
 bool nc_lex(const NcExecution *execution, const char *text, size_t length, GError **error);

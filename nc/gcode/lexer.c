@@ -14,7 +14,7 @@ static void clear_block(NcBlock *block)
 {
     block->n_words = block->n_settings = 0;
     block->region = block->motion = -1;
-    block->blank = block->deleted = block->percent = false;
+    block->structure = block->blank = block->deleted = block->percent = false;
     memset(block->letter, 0, sizeof block->letter);
     memset(block->g_word, 0, sizeof block->g_word);
     memset(block->m_word, 0, sizeof block->m_word);

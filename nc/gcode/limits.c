@@ -5,6 +5,11 @@
 /* Coordinates are sums of decimal numbers: this much is rounding. */
 #define ROUNDING_MM 1e-6
 
+static uint32_t block_line(const NcMove *move)
+{
+    return move->block_line > 0 ? move->block_line : move->line;
+}
+
 static bool check_spindle(const CfgMachine *machine, const NcMove *move, GError **error)
 {
     double rpm = fabs(move->spindle_rpm);
@@ -13,7 +18,7 @@ static bool check_spindle(const CfgMachine *machine, const NcMove *move, GError 
     g_set_error(error, NC_ERROR, NC_ERROR_LIMIT,
                 "line %u: the spindle cannot turn at %.10g rev/min: %s runs from %.10g to %.10g; "
                 "change the S word",
-                move->line, rpm, machine->name ? machine->name : "the machine",
+                block_line(move), rpm, machine->name ? machine->name : "the machine",
                 machine->spindle_min_rpm, machine->spindle_max_rpm);
     return false;
 }
@@ -34,7 +39,7 @@ bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError 
             g_set_error(error, NC_ERROR, NC_ERROR_LIMIT,
                         "line %u: %c would go to %.4f mm in machine coordinates, beyond its limit "
                         "of %.10g mm: move the work offset, or place the part elsewhere",
-                        move->line, 'X' + axis, below ? low : high,
+                        block_line(move), 'X' + axis, below ? low : high,
                         below ? travel->min_mm : travel->max_mm);
             return false;
         }

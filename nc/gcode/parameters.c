@@ -63,6 +63,13 @@ NcParameters *nc_parameters_copy(const NcParameters *parameters)
     return copy;
 }
 
+void nc_parameters_exchange(NcParameters *a, NcParameters *b)
+{
+    NcParameters was = *a;
+    *a = *b;
+    *b = was;
+}
+
 void nc_parameters_free(NcParameters *parameters)
 {
     if (parameters) {

@@ -44,6 +44,7 @@ typedef struct {
 
 NcParameters *nc_parameters_new(void);
 NcParameters *nc_parameters_copy(const NcParameters *parameters);
+void nc_parameters_exchange(NcParameters *a, NcParameters *b);
 void nc_parameters_free(NcParameters *parameters);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcParameters, nc_parameters_free)
 

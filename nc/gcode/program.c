@@ -19,10 +19,12 @@ typedef struct {
     const GArray *moves;
     double highest_mm;       /* of the tip, where Z is programmed without G53 or G28 */
     double highest_rapid_mm; /* the same by G0 */
+    double tool_length_mm;   /* in force behind the last block */
 } Survey;
 
 static void survey_block(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
                          guint first_move, void *data);
+static void survey_structure(Survey *survey, const NcModal *modal, uint64_t end, guint first_move);
 static void find_gates(const Survey *survey, uint64_t length, GArray *gates);
 
 NcProgram *nc_program_new(GBytes *bytes, const GArray *gates)
@@ -55,7 +57,7 @@ NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
     g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(machine, tools);
     g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
     g_autoptr(GArray) ends = g_array_new(FALSE, FALSE, sizeof(BlockEnd));
-    Survey survey = {ends, moves, -INFINITY, -INFINITY};
+    Survey survey = {ends, moves, -INFINITY, -INFINITY, 0.0};
     if (!nc_read_blocks(interpreter, text, length, moves, survey_block, &survey, error))
         return NULL;
     g_autoptr(GArray) gates = g_array_new(FALSE, FALSE, sizeof(uint64_t));
@@ -68,9 +70,14 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
 {
     Survey *survey = data;
     const NcModal *modal = &interpreter->modal;
+    if (!block) {
+        survey_structure(survey, modal, end, first_move);
+        return;
+    }
     bool homing = block->g[NC_G_NON_MODAL] == 280;
     bool machine_z = homing || block->g[NC_G_NON_MODAL] == 530;
     BlockEnd done = {.end = end, .tip_mm = modal->position.z - modal->tool_length_mm};
+    survey->tool_length_mm = modal->tool_length_mm;
     for (guint i = first_move; i < survey->moves->len; i++) {
         const NcMove *move = &g_array_index(survey->moves, NcMove, i);
         if (!nc_move_travels(move))
@@ -85,6 +92,27 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
                 survey->highest_rapid_mm = fmax(survey->highest_rapid_mm, done.tip_mm);
         }
     }
+    g_array_append_val(survey->ends, done);
+}
+
+/* Blocks of loops and subroutines: a tool that changes in them leaves heights that cannot be
+ * compared, so then there is no highest one. */
+static void survey_structure(Survey *survey, const NcModal *modal, uint64_t end, guint first_move)
+{
+    BlockEnd done = {.end = end, .tip_mm = modal->position.z - modal->tool_length_mm};
+    bool same_tool = modal->tool_length_mm == survey->tool_length_mm;
+    for (guint i = first_move; i < survey->moves->len; i++) {
+        const NcMove *move = &g_array_index(survey->moves, NcMove, i);
+        double tip_mm = move->to.z - modal->tool_length_mm;
+        same_tool = same_tool && move->kind != NC_MOVE_TOOL_CHANGE;
+        done.moved = done.moved || nc_move_travels(move);
+        if (!nc_move_travels(move) || move->machine_coordinates)
+            continue;
+        survey->highest_mm = fmax(survey->highest_mm, same_tool ? tip_mm : INFINITY);
+        if (move->kind == NC_MOVE_RAPID)
+            survey->highest_rapid_mm = fmax(survey->highest_rapid_mm, tip_mm);
+    }
+    survey->tool_length_mm = modal->tool_length_mm;
     g_array_append_val(survey->ends, done);
 }
 

@@ -2,11 +2,16 @@
 /* Reading G-code: block by block, or a whole program with the machine's limits. */
 #include "nc/gcode/read.h"
 
+#include "nc/gcode/flow.h"
+
 #include <string.h>
 
 static bool read_block(NcInterpreter *interpreter, const char *text, size_t length, NcBlock *block,
                        GArray *moves, GError **error);
+static bool run_line(NcInterpreter *interpreter, NcExecution *x, const char *text, size_t length,
+                     GError **error);
 static bool read_percent(NcExecution *execution, GError **error);
+static bool after_end(const NcExecution *execution, GError **error);
 
 /* What the machine file says, where a program can read and set it. */
 static void keep_offsets(NcParameters *parameters, const CfgMachine *machine)
@@ -28,6 +33,7 @@ NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable 
     interpreter->machine = machine;
     interpreter->tools = tools;
     interpreter->parameters = nc_parameters_new();
+    interpreter->flow = nc_flow_new();
     keep_offsets(interpreter->parameters, machine);
     interpreter->modal = (NcModal){
         .work_mm = seg_vec3(work[0], work[1], work[2]),
@@ -44,6 +50,7 @@ void nc_interpreter_free(NcInterpreter *interpreter)
 {
     if (interpreter) {
         nc_parameters_free(interpreter->parameters);
+        nc_flow_free(interpreter->flow);
         g_free(interpreter);
     }
 }
@@ -73,29 +80,57 @@ static bool read_block(NcInterpreter *interpreter, const char *text, size_t leng
                              .modal = interpreter->modal,
                              .parameters = interpreter->parameters,
                              .moves = moves,
-                             .block = block};
-    NcModal *modal = &execution.modal;
+                             .block = block,
+                             .block_delete = interpreter->block_delete};
     guint n_before = moves->len;
-    modal->line++;
-    if (!nc_lex(&execution, text, length, error))
-        return false;
-    bool empty = block->n_words == 0 && block->n_settings == 0 && !block->percent;
-    if (modal->ended && !empty)
-        return nc_word_error(error, modal->line, NULL, "nothing is read after the program's end");
-    bool skipped = block->deleted && interpreter->block_delete;
-    bool good = block->percent ? read_percent(&execution, error)
-                : skipped      ? true
-                               : nc_check(block, modal, error) && nc_execute(&execution, error);
-    if (!good) {
+    execution.statement_line = ++execution.modal.line;
+    if (!run_line(interpreter, &execution, text, length, error)) {
         g_array_set_size(moves, n_before);
         return false;
     }
-    for (int i = 0; !skipped && i < block->n_settings; i++)
-        nc_parameter_set(interpreter->parameters, block->settings[i].parameter,
-                         block->settings[i].value);
-    modal->begun = modal->begun || !block->blank;
-    interpreter->modal = *modal;
+    interpreter->modal = execution.modal;
+    interpreter->modal.line = execution.statement_line;
     return true;
+}
+
+/* A block, or a line that belongs to O words. */
+static bool run_line(NcInterpreter *interpreter, NcExecution *x, const char *text, size_t length,
+                     GError **error)
+{
+    if (!nc_flow_takes(interpreter->flow, text, length))
+        return nc_run_block(x, text, length, error);
+    if (x->modal.ended)
+        return after_end(x, error);
+    x->modal.begun = true;
+    bool good = nc_flow_read(interpreter->flow, x, text, length, error);
+    x->block->structure = true;
+    return good;
+}
+
+bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **error)
+{
+    const NcBlock *block = x->block;
+    NcModal *modal = &x->modal;
+    if (!nc_lex(x, text, length, error))
+        return false;
+    bool empty = block->n_words == 0 && block->n_settings == 0 && !block->percent;
+    if (modal->ended && !empty)
+        return after_end(x, error);
+    bool skipped = block->deleted && x->block_delete;
+    bool good = block->percent ? read_percent(x, error)
+                : skipped      ? true
+                               : nc_check(x->block, modal, error) && nc_execute(x, error);
+    if (!good)
+        return false;
+    for (int i = 0; !skipped && i < block->n_settings; i++)
+        nc_parameter_set(x->parameters, block->settings[i].parameter, block->settings[i].value);
+    modal->begun = modal->begun || !block->blank;
+    return true;
+}
+
+static bool after_end(const NcExecution *x, GError **error)
+{
+    return nc_word_error(error, x->modal.line, NULL, "nothing is read after the program's end");
 }
 
 /* A program stands between two lines "%", or ends with M2 or M30. */
@@ -132,9 +167,12 @@ bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length,
                 return false;
         }
         if (read)
-            read(interpreter, &block, (size_t)(next - text), n_before, data);
+            read(interpreter, block.structure ? NULL : &block, (size_t)(next - text), n_before,
+                 data);
         at = next;
     }
+    if (!interpreter->modal.ended && nc_flow_open(interpreter->flow))
+        return nc_flow_open_error(interpreter->flow, error);
     if (!interpreter->modal.ended) {
         return nc_word_error(error, interpreter->modal.line, NULL,
                              interpreter->modal.percent_open

@@ -5,7 +5,9 @@
 
 #include "nc/gcode/interpreter.h"
 
-/* Called after each block: `end` is the offset behind it, its moves begin at `first_move`. */
+/* Called after each line: `end` is the offset behind it, its moves begin at `first_move`. `block`
+ * is NULL where the line belongs to O words: then the moves are of many blocks, or there are none.
+ */
 typedef void (*NcBlockRead)(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
                             guint first_move, void *data);
 

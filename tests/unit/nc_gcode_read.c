@@ -146,7 +146,6 @@ static void refusals(void)
         {"M60", "line 1, column 1: M60 is not supported"},
         {"M3.5", "line 1, column 1: M3.5 is not supported"},
         {"G0 A1", "line 1, column 4: A1 is not supported"},
-        {"O100 sub", "line 1, column 1: O100 is not supported"},
         {"G0 X", "line 1, column 4: X needs a number"},
         {"G0 X.", "line 1, column 4: X. needs a number"},
         {"G0 X+-1", "line 1, column 4: X+ needs a number"},
