@@ -195,6 +195,11 @@ static FbAnswer override(FbReceiver *r, const FbArguments *a, GArray *actions)
         a->spindle_percent < FB_SPINDLE_LEAST_PERCENT ||
         a->spindle_percent > FB_OVERRIDE_MOST_PERCENT)
         return FB_ANSWER_MALFORMED;
+    /* A run that stands at 0 % would move. */
+    const FbArguments *now = &r->overrides;
+    if (r->needs_acknowledge && is_run(r->state) &&
+        (a->feed_percent > now->feed_percent || a->rapid_percent > now->rapid_percent))
+        return FB_ANSWER_NEEDS_ACKNOWLEDGE;
     const bool optional_stop = r->overrides.optional_stop;
     r->overrides = *a;
     r->overrides.optional_stop = optional_stop;
@@ -356,7 +361,7 @@ static FbAnswer take_chunk(FbReceiver *r, FbRole role, const uint8_t *bytes, siz
     answer = fb_store_chunk(&r->store, &chunk);
     if (r->verified && r->store.n_released > released)
         act(actions, FB_DO_PASS);
-    if (answer == FB_ANSWER_HASH && is_run(r->state))
+    if ((answer == FB_ANSWER_HASH || answer == FB_ANSWER_PROGRAM) && is_run(r->state))
         act(actions, FB_DO_HOLD_AT_GATE);
     return answer;
 }

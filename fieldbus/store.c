@@ -9,7 +9,7 @@ static FbAnswer take_dripped(FbStore *s, const uint8_t *bytes, size_t n);
 static const uint8_t *bytes_at(const FbStore *s, uint64_t offset)
 {
     const uint8_t *bytes = s->stream ? g_bytes_get_data(s->stream, NULL) : s->growing->data;
-    return bytes + (offset < s->table_bytes ? offset : offset - s->forgotten);
+    return bytes + (offset < s->table_bytes ? offset : offset - s->dropped);
 }
 
 FbAnswer fb_store_open(FbStore *s, const FbOpen *open, uint32_t transfer, uint64_t memory_bytes)
@@ -50,7 +50,7 @@ void fb_store_clear(FbStore *s)
 
 uint64_t fb_store_received(const FbStore *s)
 {
-    return s->growing ? s->growing->len + s->forgotten : s->length;
+    return s->growing ? s->growing->len + s->dropped : s->length;
 }
 
 uint64_t fb_store_may_send_to(const FbStore *s)
@@ -228,7 +228,11 @@ void fb_store_forget(FbStore *s, size_t n)
 {
     if (!s->drip || n == 0 || n > s->n_released || s->gates[n - 1] <= s->forgotten)
         return;
-    const uint64_t executed = s->gates[n - 1] - s->forgotten;
-    g_byte_array_remove_range(s->growing, (guint)s->table_bytes, (guint)executed);
-    s->forgotten += executed;
+    s->forgotten = s->gates[n - 1];
+    /* Dropping moves what is left: seldom enough that each byte is moved a few times at most. */
+    const uint64_t idle = s->forgotten - s->dropped;
+    if (idle < (s->growing->len - s->table_bytes) / 2)
+        return;
+    g_byte_array_remove_range(s->growing, (guint)s->table_bytes, (guint)idle);
+    s->dropped = s->forgotten;
 }

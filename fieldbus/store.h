@@ -20,7 +20,8 @@ typedef struct {
     uint64_t length;
     GByteArray *growing; /* the stream's bytes until the hash was found right, */
     GBytes *stream;      /* from then on; a stream that drips grows to its end */
-    uint64_t forgotten;  /* drip: bytes of the program that are no longer in `growing` */
+    uint64_t forgotten;  /* drip: bytes of the program that were executed, */
+    uint64_t dropped;    /* and those of them that are no longer in `growing` */
     GChecksum *hash;     /* of the program's bytes so far */
     bool hashed;
     uint8_t sha256[32]; /* once hashed */

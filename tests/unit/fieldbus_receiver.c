@@ -421,6 +421,32 @@ static void restart_at_a_gate(void)
     rig_free(&rig);
 }
 
+/* A run that stands at 0 % is as good as held: a lost agent leaves it there until a person is at
+ * the machine. Less is always allowed. */
+static void overrides_of_a_lost_agent(void)
+{
+    Rig rig = rig_new_with(CFG_AGENT_LOSS_FINISH);
+    rig_lead(&rig, FB_STATE_RUNNING);
+    FbOrder o = rig.last;
+    o.command = FB_COMMAND_OVERRIDE;
+    o.arguments = (FbArguments){0, 50, 100, false};
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "DONE");
+    rig.now_us += RIG_AGENT_S * G_USEC_PER_SEC;
+    fb_receiver_tick(rig.receiver, rig.now_us, rig.actions);
+    g_array_set_size(rig.actions, 0);
+    o.arguments.feed_percent = 1;
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "NEEDS_ACKNOWLEDGE");
+    o.arguments = (FbArguments){0, 51, 100, false};
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "NEEDS_ACKNOWLEDGE");
+    g_assert_cmpuint(rig.actions->len, ==, 0);
+    o.arguments = (FbArguments){0, 25, 120, false};
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "DONE");
+    rig_machine(&rig, FB_MACHINE_ACKNOWLEDGED);
+    o.arguments.feed_percent = 100;
+    g_assert_cmpstr(fb_answer_name(write_next(&rig, &o)), ==, "DONE");
+    rig_free(&rig);
+}
+
 static void overrides(void)
 {
     static const FbArguments wrong[] = {{201, 100, 100, false},
@@ -506,6 +532,7 @@ static void add(void)
     g_test_add_func("/fieldbus/receiver/open-limits", open_limits);
     g_test_add_func("/fieldbus/receiver/restart-at-a-gate", restart_at_a_gate);
     g_test_add_func("/fieldbus/receiver/overrides", overrides);
+    g_test_add_func("/fieldbus/receiver/overrides-of-a-lost-agent", overrides_of_a_lost_agent);
     g_test_add_func("/fieldbus/receiver/setup-is-published", setup_is_published);
 }
 
