@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # KERNEL_TIME=travel
 # KERNEL_SECONDS=1200
-# SPDX-License-Identifier: Apache-2.0
 # The frames of a delivery and its run over CAN, FD and classic, × every fault (can_faults.c). Of the
 # consecutive frames inside a classic message every CAN_INSIDE-th, of what is left every CAN_ALL-th, of
 # the frames of segmill and vcnc themselves every CAN_PROGRAMS-th. `make check` takes a part, `make
