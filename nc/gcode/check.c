@@ -33,9 +33,17 @@ static int g_group(int code)
     case 800:
         return NC_G_CANCEL;
     case 40:
+    case 100:
     case 280:
     case 281:
+    case 300:
+    case 301:
+    case 520:
     case 530:
+    case 920:
+    case 921:
+    case 922:
+    case 923:
         return NC_G_NON_MODAL;
     case 170:
     case 180:
@@ -47,6 +55,7 @@ static int g_group(int code)
     case 400:
         return NC_G_CUTTER;
     case 430:
+    case 431:
     case 490:
         return NC_G_TOOL;
     case 540:
@@ -155,6 +164,19 @@ static bool is_arc(int code)
     return code == 20 || code == 30;
 }
 
+bool nc_block_keeps_axes(const NcBlock *block)
+{
+    int code = block->g[NC_G_NON_MODAL];
+    return code == 100 || code == 280 || code == 300 || code == 520 || code == 920 ||
+           block->g[NC_G_TOOL] == 431;
+}
+
+/* False for those that neither take axis words nor leave them to a motion. */
+static bool uses_axes(int non_modal)
+{
+    return non_modal != 281 && non_modal != 301 && (non_modal < 921 || non_modal > 923);
+}
+
 /* Axis words without a motion word continue the modal motion; so do I, J, K after an arc. */
 static bool find_motion(NcBlock *block, const NcModal *modal, uint32_t line, GError **error)
 {
@@ -163,14 +185,14 @@ static bool find_motion(NcBlock *block, const NcModal *modal, uint32_t line, GEr
     int non_modal = block->g[NC_G_NON_MODAL];
     bool cancel = block->g_word[NC_G_CANCEL] != NULL;
     block->motion = block->g[NC_G_MOTION];
-    if (non_modal == 280 || non_modal == 281) {
-        const NcWord *g28 = block->g_word[NC_G_NON_MODAL];
+    if (nc_block_keeps_axes(block) || !uses_axes(non_modal)) {
+        const NcWord *user = block->g_word[block->g[NC_G_TOOL] == 431 ? NC_G_TOOL : NC_G_NON_MODAL];
         if (word) {
             return nc_word_error(error, line, word, "cannot stand with %.*s in one block",
-                                 g28->length, g28->text);
+                                 user->length, user->text);
         }
-        return non_modal == 280 || !axis ||
-               nc_word_error(error, line, axis, "has no use with G28.1");
+        return nc_block_keeps_axes(block) || !axis ||
+               nc_word_error(error, line, axis, "has no use with %.*s", user->length, user->text);
     }
     if (axis && !word && (cancel || modal->motion == 800)) {
         return nc_word_error(error, line, axis,
@@ -185,19 +207,44 @@ static bool find_motion(NcBlock *block, const NcModal *modal, uint32_t line, GEr
 
 /* ------------------------------------------------------------------- other words */
 
+/* Codes that say nothing without axis words. */
+static bool check_axes(const NcBlock *block, uint32_t line, GError **error)
+{
+    int code = block->g[NC_G_NON_MODAL];
+    const NcWord *x = nc_word(block, 'X'), *y = nc_word(block, 'Y');
+    if ((code == 520 || code == 920) && !axis_word(block))
+        return nc_word_error(error, line, block->g_word[NC_G_NON_MODAL], "needs an axis word");
+    if (block->g[NC_G_TOOL] != 431)
+        return true;
+    if (uses_axes(code) && code >= 0 && code != 40)
+        return nc_word_error(error, line, block->g_word[NC_G_TOOL],
+                             "cannot stand with another code that takes axis words");
+    if (x || y) {
+        return nc_word_error(error, line, x ? x : y,
+                             "is not supported with G43.1: a tool has a length along Z only");
+    }
+    return nc_word(block, 'Z') ||
+           nc_word_error(error, line, block->g_word[NC_G_TOOL], "needs a Z word: the length");
+}
+
 /* Words that only some codes use are refused without one. P serves one code at a time: LinuxCNC
  * would hand it to each of G4, G64 and G2, G3, which nobody can mean. */
 static bool check_users(const NcBlock *block, uint32_t line, GError **error)
 {
     bool arc = is_arc(block->motion), dwell = block->g[NC_G_NON_MODAL] == 40;
+    bool data = block->g[NC_G_NON_MODAL] == 100;
     bool blend = block->g[NC_G_CONTROL] == 640, offset = block->g[NC_G_TOOL] == 430;
     const struct {
         char letter;
         bool used;
         const char *users;
-    } words[] = {{'H', offset, "G43"},   {'I', arc, "G2 or G3"},
-                 {'J', arc, "G2 or G3"}, {'K', arc, "G2 or G3"},
-                 {'R', arc, "G2 or G3"}, {'P', arc || dwell || blend, "G2, G3, G4 or G64"},
+    } words[] = {{'H', offset, "G43"},
+                 {'I', arc, "G2 or G3"},
+                 {'J', arc, "G2 or G3"},
+                 {'K', arc, "G2 or G3"},
+                 {'L', data, "G10"},
+                 {'R', arc || data, "G2, G3 or G10"},
+                 {'P', arc || dwell || blend || data, "G2, G3, G4, G10 or G64"},
                  {'Q', blend, "G64"}};
     for (size_t i = 0; i < G_N_ELEMENTS(words); i++) {
         const NcWord *word = nc_word(block, words[i].letter);
@@ -205,10 +252,16 @@ static bool check_users(const NcBlock *block, uint32_t line, GError **error)
             return nc_word_error(error, line, word, "needs %s in the same block", words[i].users);
     }
     const NcWord *p = nc_word(block, 'P');
-    if (p && arc + dwell + blend > 1) {
+    if (p && arc + dwell + blend + data > 1) {
         return nc_word_error(error, line, p,
                              "could belong to two of the block's G words: give them a block each");
     }
+    if (data && !(p && nc_word(block, 'L'))) {
+        return nc_word_error(error, line, block->g_word[NC_G_NON_MODAL],
+                             "needs L2 or L20, and P: the coordinate system");
+    }
+    if (!check_axes(block, line, error))
+        return false;
     if (dwell && !p) {
         return nc_word_error(error, line, block->g_word[NC_G_NON_MODAL],
                              "needs a P word: the seconds to wait");

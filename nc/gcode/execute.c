@@ -6,7 +6,7 @@ static bool set_words(NcExecution *x, GError **error);
 static bool set_modes(NcExecution *x, GError **error);
 static void machine_functions(NcExecution *x);
 static bool move(NcExecution *x, GError **error);
-static void go_home(NcExecution *x);
+static void go_home(NcExecution *x, int home);
 static void stop(NcExecution *x);
 
 /* F, S and T; tool change; spindle; coolant; dwell; plane, units, offsets, modes; reference
@@ -21,10 +21,14 @@ bool nc_execute(NcExecution *x, GError **error)
     machine_functions(x);
     if (!set_modes(x, error))
         return false;
-    if (block->g[NC_G_NON_MODAL] == 280)
-        go_home(x);
-    else if (block->g[NC_G_NON_MODAL] == 281)
-        nc_set_parameters_point(x, NC_PARAMETER_HOME, x->modal.position);
+    if (!nc_set_offsets(x, error))
+        return false;
+    int code = block->g[NC_G_NON_MODAL];
+    int home = code == 280 || code == 281 ? NC_PARAMETER_HOME : NC_PARAMETER_HOME_2;
+    if (code == 280 || code == 300)
+        go_home(x, home);
+    else if (code == 281 || code == 301)
+        nc_set_parameters_point(x, home, x->modal.position);
     if (block->motion >= 0 && !move(x, error))
         return false;
     stop(x);
@@ -165,6 +169,8 @@ static bool set_modes(NcExecution *x, GError **error)
         modal->tool_length_mm = 0.0;
     else if (g[NC_G_TOOL] == 430 && !set_tool_length(x, error))
         return false;
+    else if (g[NC_G_TOOL] == 431)
+        modal->tool_length_mm = nc_word(x->block, 'Z')->value * modal->unit_mm;
     if (g[NC_G_WORK] >= 0)
         select_work(x, g[NC_G_WORK] / 10 - 54);
     if (g[NC_G_CONTROL] >= 0)
@@ -184,7 +190,8 @@ static bool set_modes(NcExecution *x, GError **error)
 
 SegVec3 nc_program_shift(const NcExecution *x)
 {
-    return seg_add(x->modal.work_mm, seg_vec3(0.0, 0.0, x->modal.tool_length_mm));
+    return seg_add(seg_add(x->modal.work_mm, x->modal.local_mm),
+                   seg_vec3(0.0, 0.0, x->modal.tool_length_mm));
 }
 
 /* Where the block's axis words lead; axes without a word stay. */
@@ -224,11 +231,11 @@ static bool move(NcExecution *x, GError **error)
     return true;
 }
 
-/* G28: by way of the point named, then home with the axes named; with all where none is. LinuxCNC
- * goes to that point even where none is named, so two moves it always is. */
-static void go_home(NcExecution *x)
+/* G28 and G30: by way of the point named, then home with the axes named; with all where none is.
+ * LinuxCNC goes to that point even where none is named, so two moves it always is. */
+static void go_home(NcExecution *x, int parameter)
 {
-    SegVec3 place = nc_parameters_point(x, NC_PARAMETER_HOME), home = x->modal.position;
+    SegVec3 place = nc_parameters_point(x, parameter), home = x->modal.position;
     bool some = false;
     for (int axis = 0; axis < 3; axis++) {
         if (nc_word(x->block, (char)('X' + axis))) {

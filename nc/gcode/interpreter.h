@@ -40,7 +40,7 @@ typedef struct {
 
 /* Modal groups of G codes [NIST, table 4]. */
 typedef enum {
-    NC_G_NON_MODAL, /* group 0: G4 G28 G28.1 G53 */
+    NC_G_NON_MODAL, /* group 0: G4 G10 G28 G28.1 G30 G30.1 G52 G53 G92 … */
     NC_G_MOTION,    /* group 1: G0 G1 G2 G3 */
     NC_G_CANCEL,    /* G80, of group 1 too; beside another of them it says nothing */
     NC_G_PLANE,     /* group 2 */
@@ -49,7 +49,7 @@ typedef enum {
     NC_G_FEED_MODE, /* group 5: G94 */
     NC_G_UNITS,     /* group 6 */
     NC_G_CUTTER,    /* group 7: G40 */
-    NC_G_TOOL,      /* group 8: G43 G49 */
+    NC_G_TOOL,      /* group 8: G43 G43.1 G49 */
     NC_G_WORK,      /* group 12: G54 … G59 */
     NC_G_CONTROL,   /* group 13: G61 G61.1 G64 */
     NC_N_G_GROUPS
@@ -84,6 +84,7 @@ typedef struct {
 /* What a block changes, and what the next one finds. */
 typedef struct {
     SegVec3 position; /* gauge point, machine coordinates */
+    SegVec3 local_mm; /* G52, G92: on top of it */
     SegVec3 work_mm;  /* the coordinate system in force, machine coordinates */
     double unit_mm;   /* 1, or 25.4 with G20 */
     double tool_length_mm;
@@ -142,6 +143,13 @@ bool nc_parameter_writable(const NcExecution *execution, NcParameter parameter);
  * them. */
 SegVec3 nc_parameters_point(const NcExecution *execution, int index);
 void nc_set_parameters_point(NcExecution *execution, int index, SegVec3 point);
+void nc_set_parameter(NcExecution *execution, int index, double value);
+
+/* Carries out what the block says of coordinate systems: G10, G52, G92 and G92.1 to G92.3. */
+bool nc_set_offsets(NcExecution *execution, GError **error);
+
+/* Whether axis words of the block say something else than where to move. */
+bool nc_block_keeps_axes(const NcBlock *block);
 
 /* Machine coordinates of the gauge point minus program coordinates. */
 SegVec3 nc_program_shift(const NcExecution *execution);

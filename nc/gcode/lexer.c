@@ -140,7 +140,7 @@ static bool lex_word(NcCursor *cursor, NcBlock *block, GError **error)
 {
     const char *first = cursor->at++;
     double value = 0.0;
-    if (!strchr("FGHIJKMNPQRSTXYZ", nc_upper(*first))) {
+    if (!strchr("FGHIJKLMNPQRSTXYZ", nc_upper(*first))) {
         (void)nc_read_number(cursor, &value);
         NcWord word = nc_word_at(cursor, first);
         return nc_word_error(error, cursor->x->modal.line, &word, "is not supported");

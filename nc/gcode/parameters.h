@@ -16,6 +16,8 @@ enum { NC_LAST_PARAMETER = 5601, NC_N_LOCAL_PARAMETERS = 30 };
 /* Where the machine's own numbers are kept. */
 enum {
     NC_PARAMETER_HOME = 5161,      /* G28 */
+    NC_PARAMETER_HOME_2 = 5181,    /* G30 */
+    NC_PARAMETER_LOCAL = 5211,     /* G52, G92; 5210: 1 where it counts */
     NC_PARAMETER_WORK = 5220,      /* 1: G54 … 9: G59.3; 5221, 5241, …: the offsets */
     NC_PARAMETER_WORK_STEP = 20,   /* from one coordinate system to the next */
     NC_PARAMETER_READ_ONLY = 5400, /* tool, and from 5420 the position, up to 5428 */

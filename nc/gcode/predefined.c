@@ -183,9 +183,12 @@ SegVec3 nc_parameters_point(const NcExecution *x, int index)
 
 void nc_set_parameters_point(NcExecution *x, int index, SegVec3 point)
 {
-    for (int axis = 0; axis < 3; axis++) {
-        g_assert(x->block->n_settings < (int)G_N_ELEMENTS(x->block->settings));
-        x->block->settings[x->block->n_settings++] =
-            (NcSetting){{.index = index + axis}, nc_axis_value(point, axis)};
-    }
+    for (int axis = 0; axis < 3; axis++)
+        nc_set_parameter(x, index + axis, nc_axis_value(point, axis));
+}
+
+void nc_set_parameter(NcExecution *x, int index, double value)
+{
+    g_assert(x->block->n_settings < (int)G_N_ELEMENTS(x->block->settings));
+    x->block->settings[x->block->n_settings++] = (NcSetting){{.index = index}, value};
 }

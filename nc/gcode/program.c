@@ -74,7 +74,7 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
         survey_structure(survey, modal, end, first_move);
         return;
     }
-    bool homing = block->g[NC_G_NON_MODAL] == 280;
+    bool homing = block->g[NC_G_NON_MODAL] == 280 || block->g[NC_G_NON_MODAL] == 300;
     bool machine_z = homing || block->g[NC_G_NON_MODAL] == 530;
     BlockEnd done = {.end = end, .tip_mm = modal->position.z - modal->tool_length_mm};
     survey->tool_length_mm = modal->tool_length_mm;

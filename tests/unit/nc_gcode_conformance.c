@@ -19,7 +19,7 @@ enum { MAX_NUMBERS = 12 };
 /* State of LinuxCNC's canonical machine, and what is compared: paths and stops. */
 typedef struct {
     double unit_mm;
-    SegVec3 work, tool;
+    SegVec3 work, local, tool;
     int plane;
     double feed, speed;
     int direction, tool_number;
@@ -60,7 +60,7 @@ static NcMove *canon_move(Canon *canon, NcMoveKind kind, SegVec3 to)
 /* Program coordinates to millimetres of the gauge point. */
 static SegVec3 canon_point(const Canon *canon, double x, double y, double z)
 {
-    SegVec3 shift = seg_add(canon->work, canon->tool);
+    SegVec3 shift = seg_add(seg_add(canon->work, canon->local), canon->tool);
     return seg_along(shift, seg_vec3(x, y, z), canon->unit_mm);
 }
 
@@ -89,6 +89,8 @@ static bool canon_state(Canon *canon, const char *name, const char *arguments, c
         canon->unit_mm = strstr(arguments, "INCHES") ? 25.4 : 1.0;
     else if (g_str_equal(name, "SET_G5X_OFFSET"))
         canon->work = seg_scale(seg_vec3(n[1], n[2], n[3]), canon->unit_mm);
+    else if (g_str_equal(name, "SET_G92_OFFSET"))
+        canon->local = seg_scale(seg_vec3(n[0], n[1], n[2]), canon->unit_mm);
     else if (g_str_equal(name, "USE_TOOL_LENGTH_OFFSET"))
         canon->tool = seg_scale(seg_vec3(n[0], n[1], n[2]), canon->unit_mm);
     else if (g_str_equal(name, "SELECT_PLANE"))
