@@ -98,7 +98,7 @@ static void hand_up(FbMbap *m, int64_t now_us)
     while ((n = whole_adu(m->in + at, m->n_in - at)) > 0) {
         m->heard_us = now_us;
         m->callbacks.adu(m, m->in + at, (size_t)n, m->data);
-        if (g_source_is_destroyed(&m->source))
+        if (g_source_is_destroyed(&m->source) || m->fault)
             return;
         at += (size_t)n;
     }
@@ -133,8 +133,6 @@ static void write_out(FbMbap *m)
         m->fault = stream_why(m);
     else if (n > 0)
         g_byte_array_remove_range(m->out, 0, (guint)n);
-    if (m->out->len > OUT_BYTES)
-        m->fault = "the peer does not read";
 }
 
 static void read_in(FbMbap *m, int64_t now_us)
@@ -249,13 +247,16 @@ void fb_mbap_free(FbMbap *m)
 void fb_mbap_send(FbMbap *m, const uint8_t *adu, size_t n)
 {
     const bool behind = m->out->len > 0;
-    g_byte_array_append(m->out, adu, (guint)n);
-    if (behind)
+    if (m->fault)
         return;
-    write_out(m);
+    g_byte_array_append(m->out, adu, (guint)n);
+    if (!behind)
+        write_out(m);
+    if (!m->fault && m->out->len > OUT_BYTES)
+        m->fault = "the peer does not read";
     if (m->fault)
         g_source_set_ready_time(&m->source, 0);
-    else if (m->out->len > 0)
+    else if (!behind && m->out->len > 0)
         poll_for_what_is_wanted(m);
 }
 

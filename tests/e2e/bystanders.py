@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """A hold gets through while others misuse the machine: one client that drips a byte a second, one
-that asks without reading the answers, one that asks as fast as it can, thirty idle connections.
-Each with a run on; prints how long holds took to be acknowledged, asks segmill for one, and looks
-that the run's own agent was not disturbed.
+that asks without reading the answers, with pauses and without, one that asks as fast as it can,
+thirty idle connections. Each with a run on; prints how long holds took to be acknowledged, asks
+segmill for one, and looks that the run's own agent was not disturbed.
 
 usage: bystanders.py
 """
@@ -21,6 +21,7 @@ import protocol
 
 HOLDS = 50
 MOST_S = 0.1  # from connecting to the answer of HOLD; seen: 3 ms
+MOST_BYTES = 200 << 20  # of vcnc's memory; seen: 7 MiB
 SEGMILL_S = 1  # a whole `segmill hold`, from the start of the process to its end
 AT_COMMAND, AT_STATUS, STATUS_WORDS = protocol.MAP["COMMAND"][0], *protocol.READABLE["STATUS"]
 HOLD = next(n for n, name in protocol.COMMANDS.items() if name == "HOLD")
@@ -48,6 +49,14 @@ def hold(port, session):
     return took
 
 
+def peak_bytes(pid):
+    """The most memory that a process has ever had."""
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return int(line.split()[1]) << 10
+    sys.exit("the machine is gone")
+
+
 async def drip(port):
     """One read, a byte a second, over and over."""
     while True:
@@ -73,6 +82,19 @@ async def deaf(port):
                     await asyncio.sleep(0.001)
             except (ConnectionError, asyncio.TimeoutError):
                 pass
+
+
+async def deaf_flood(port):
+    """The same without a pause."""
+    while True:
+        with socket.create_connection(("127.0.0.1", port)) as s:
+            s.setblocking(False)
+            try:
+                while True:
+                    await asyncio.get_running_loop().sock_sendall(s, READ * 1000)
+                    await asyncio.sleep(0)
+            except ConnectionError:
+                await asyncio.sleep(0)
 
 
 async def flood(port):
@@ -112,6 +134,7 @@ async def measure(folder, what):
     end, report = await other.call("hold")
     segmill_s = time.monotonic() - began
     status = machine.status()
+    peak = peak_bytes(machine.process.pid)
     ended_alone = bystander.done()
     bystander.cancel()
     await asyncio.gather(bystander, return_exceptions=True)
@@ -119,10 +142,12 @@ async def measure(folder, what):
     end_run, _ = await run
     machine.stop()
     print(f"{what.__name__}: hold to acknowledgement at most {1000 * max(took):.1f} ms, median "
-          f"{1000 * sorted(took)[HOLDS // 2]:.1f} ms; segmill hold {segmill_s:.2f} s")
+          f"{1000 * sorted(took)[HOLDS // 2]:.1f} ms; segmill hold {segmill_s:.2f} s; vcnc at most "
+          f"{peak >> 20} MiB")
     return [why for true, why in (
         (max(took) < MOST_S, f"a hold took {max(took):.3f} s"),
         (end == 0 and segmill_s < SEGMILL_S, f"segmill hold: {end} {report} {segmill_s:.2f} s"),
+        (peak < MOST_BYTES, f"vcnc took {peak} bytes"),
         (not ended_alone, "the bystander gave up: nothing was tested"),
         (not status["flags"] & 2, "the agent was lost"),
         (end_abort == 0 and end_run == 6, f"abort {end_abort}, the run ended with {end_run}"),
@@ -131,7 +156,7 @@ async def measure(folder, what):
 
 async def main():
     wrong = []
-    for what in (drip, deaf, flood, idle):
+    for what in (drip, deaf, deaf_flood, flood, idle):
         with tempfile.TemporaryDirectory() as folder:
             wrong += [f"{what.__name__}: {why}" for why in await measure(folder, what)]
     print("\n".join(f"WRONG {why}" for why in wrong))

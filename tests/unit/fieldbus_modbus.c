@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The machine's Modbus server as plain masters, strangers and a foreign tool see it:
  * docs/protocol.md, section 2.9. */
+#include <errno.h>
+
 #include "tests/unit/fieldbus_cell.h"
 
 /* ----------------------------------------------------------------- raw connections */
@@ -226,6 +228,37 @@ static void noise(void)
     close_cell(&c);
 }
 
+/* Somebody who asks as fast as it can and never reads is closed once his answers fill the sockets
+ * and OUT_BYTES: the machine's memory does not grow by what he asks. */
+static void deaf_flood(void)
+{
+    enum { REQUESTS = 512, SOCKETS_BYTES = 20 << 20 }; /* Linux's buffers: 4 MB, 6 MB; twice that */
+    static const uint8_t read[] = {0, 1, 0, 0, 0, 6, 1, 3, 0, 0, 0, 124};
+    uint8_t many[REQUESTS * sizeof read], answer[260];
+    Cell c;
+    size_t asked = 0;
+    open_cell(&c);
+    const int deaf = raw_connect(&c), other = raw_connect(&c);
+    for (size_t i = 0; i < REQUESTS; i++)
+        memcpy(many + i * sizeof read, read, sizeof read);
+    while (asked * 257 / sizeof read < 2 * SOCKETS_BYTES) {
+        const ssize_t n = send(deaf, many, sizeof many, MSG_DONTWAIT | MSG_NOSIGNAL);
+        if (n < 0 && errno != EAGAIN)
+            break;
+        asked += (size_t)MAX(n, 0) / sizeof read * sizeof read;
+        if (n > 0 && (size_t)n % sizeof read)
+            send(deaf, read + (size_t)n % sizeof read, sizeof read - (size_t)n % sizeof read,
+                 MSG_NOSIGNAL);
+        turn(&c, 6); /* as many reads as that takes */
+    }
+    g_test_message("closed after %zu bytes of answers", asked / sizeof read * 257);
+    g_assert_cmpuint(asked * 257 / sizeof read, <, SOCKETS_BYTES);
+    g_assert_cmpint(ask(&c, other, BYTES(3, 0, 0, 0, 124), answer), ==, 250);
+    close(deaf);
+    close(other);
+    close_cell(&c);
+}
+
 /* --------------------------------------------------------------------------- judge */
 
 static void on_mbpoll(GObject *object, GAsyncResult *result, gpointer data)
@@ -275,6 +308,7 @@ static void add(void)
     g_test_add_func("/fieldbus/modbus/plain-master", plain_master);
     g_test_add_func("/fieldbus/modbus/strangers-change-nothing", strangers_change_nothing);
     g_test_add_func("/fieldbus/modbus/noise", noise);
+    g_test_add_func("/fieldbus/modbus/deaf-flood", deaf_flood);
     g_test_add_func("/fieldbus/modbus/mbpoll-reads-the-map", mbpoll_reads_the_map);
 }
 
