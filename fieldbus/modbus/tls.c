@@ -211,15 +211,16 @@ static BIO_METHOD *socket_method(void)
 
 /* -------------------------------------------------------------------------- streams */
 
-/* Who the certificate must name. */
-static void expect_host(SSL *ssl, const char *host)
+/* Who the certificate must name; never in its common name. False where nobody can be named so. */
+static bool expect_host(SSL *ssl, const char *host)
 {
     X509_VERIFY_PARAM *verify = SSL_get0_param(ssl);
+    X509_VERIFY_PARAM_set_hostflags(verify, X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS |
+                                                X509_CHECK_FLAG_NEVER_CHECK_SUBJECT);
     if (X509_VERIFY_PARAM_set1_ip_asc(verify, host) == 1)
-        return;
-    X509_VERIFY_PARAM_set_hostflags(verify, X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
-    X509_VERIFY_PARAM_set1_host(verify, host, 0);
-    SSL_set_tlsext_host_name(ssl, host);
+        return true;
+    return *host && X509_VERIFY_PARAM_set1_host(verify, host, 0) == 1 &&
+           SSL_set_tlsext_host_name(ssl, host) == 1;
 }
 
 FbTlsStream *fb_tls_stream_new(FbTls *tls, int fd, const char *host)
@@ -236,7 +237,8 @@ FbTlsStream *fb_tls_stream_new(FbTls *tls, int fd, const char *host)
         SSL_set_accept_state(s->ssl);
     } else {
         SSL_set_connect_state(s->ssl);
-        expect_host(s->ssl, host);
+        if (!expect_host(s->ssl, host))
+            s->why = "a certificate cannot name this host: is the address right?";
     }
     return s;
 }
@@ -255,6 +257,8 @@ void fb_tls_stream_free(FbTlsStream *s)
 
 ssize_t fb_tls_handshake(FbTlsStream *s)
 {
+    if (s->why)
+        return -1;
     ERR_clear_error();
     const ssize_t done = judge(s, SSL_do_handshake(s->ssl));
     s->up = done > 0;

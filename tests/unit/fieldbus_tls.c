@@ -189,6 +189,11 @@ static void assert_distrusted(const char *certificate, const char *host, const c
 
 static void false_machines(void)
 {
+    g_autofree char *endless = g_strnfill(300, 'a');
+    assert_distrusted("localhost", "localhost", "names another host");
+    assert_distrusted("localhost", "192.0.2.7", NULL);
+    assert_distrusted("machine", "", "cannot name this host");
+    assert_distrusted("machine", endless, "cannot name this host");
     assert_distrusted("stranger-machine", "localhost", "not signed by our CA");
     assert_distrusted("expired-machine", "localhost", "has expired");
     assert_distrusted("elsewhere", "localhost", "names another host");

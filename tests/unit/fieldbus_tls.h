@@ -45,12 +45,14 @@ static inline void make_certificates(void)
 {
     static const char *const local[] = {"localhost", "127.0.0.1", "::1", NULL};
     static const char *const elsewhere[] = {"mill.example", "192.0.2.7", NULL};
+    static const char *const number[] = {"192.0.2.7", NULL};
     g_autoptr(FbPki) ours = fb_pki_new("ca", 30, NULL);
     g_autoptr(FbPki) theirs = fb_pki_new("stranger-ca", 30, NULL);
     const FbPkiSubject subjects[] = {
         {"machine", local, NULL, 30},
         {"elsewhere", elsewhere, NULL, 30},
         {"expired-machine", local, NULL, -1},
+        {"localhost", number, NULL, 30}, /* a common name that is a host's */
         {"observer", NULL, "observer", 30},
         {"operator", NULL, "operator", 30},
         {"programmer", NULL, "programmer", 30},
