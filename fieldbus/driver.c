@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "fieldbus/driver.h"
 
+#include "fieldbus/source.h"
+
 struct FbDriver {
     FbDelivery *delivery;
     FbDriverCallbacks callbacks;
@@ -56,34 +58,24 @@ static void carry_out(FbDriver *d, FbActions *actions)
         d->callbacks.ended(actions->task, error, d->data);
 }
 
-static gboolean on_timer(gpointer data)
+static void on_timer(void *data)
 {
     FbDriver *d = data;
     d->timer_us = INT64_MAX;
     g_source_set_ready_time(d->timer, -1);
     fb_driver_event(d, &(FbEvent){.kind = FB_EVENT_TICK});
-    return G_SOURCE_CONTINUE;
-}
-
-static gboolean dispatch_timer(GSource *source, GSourceFunc callback, gpointer data)
-{
-    (void)source;
-    return callback(data);
 }
 
 FbDriver *fb_driver_new(FbDelivery *delivery, const FbDriverCallbacks *callbacks, void *data,
                         GMainContext *context)
 {
-    static GSourceFuncs timer = {.dispatch = dispatch_timer};
     FbDriver *d = g_new0(FbDriver, 1);
     d->delivery = delivery;
     d->callbacks = *callbacks;
     d->data = data;
     d->context = g_main_context_ref(context ? context : g_main_context_default());
-    d->timer = g_source_new(&timer, sizeof(GSource));
+    d->timer = fb_source_new(on_timer, d, d->context);
     d->timer_us = INT64_MAX;
-    g_source_set_callback(d->timer, on_timer, d, NULL);
-    g_source_attach(d->timer, d->context);
     return d;
 }
 
@@ -103,8 +95,7 @@ void fb_driver_free(FbDriver *d)
         d->transport->send(d->instance, farewell);
     if (d->transport)
         d->transport->free(d->instance);
-    g_source_destroy(d->timer);
-    g_source_unref(d->timer);
+    fb_source_end(&d->timer);
     fb_delivery_free(d->delivery);
     g_main_context_unref(d->context);
     g_free(d);

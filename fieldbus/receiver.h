@@ -12,4 +12,12 @@ typedef enum { FB_BLOCK_COMMAND = 1, FB_BLOCK_CHUNK, FB_BLOCK_BEAT } FbBlock;
 FbAnswer fb_receiver_write(FbReceiver *receiver, FbRole role, FbBlock block, const uint8_t *bytes,
                            size_t n, int64_t now_us, GArray *actions);
 
+/* Has them done, in their order, and empties the array. */
+static inline void fb_do_actions(GArray *actions, void (*act)(FbDo what, void *data), void *data)
+{
+    for (guint i = 0; i < actions->len; i++)
+        act(g_array_index(actions, FbDo, i), data);
+    g_array_set_size(actions, 0);
+}
+
 #endif

@@ -8,6 +8,8 @@
 #include <sys/random.h>
 #include <unistd.h>
 
+#include "fieldbus/source.h"
+
 enum { CLASSIC, FD, FRAMES, N_FILES, LEAVE_MS = 100 };
 
 typedef enum { CLOSED, ASKED, OPEN } Phase; /* ASKED: HELLO was sent, WELCOME has not come */
@@ -68,14 +70,6 @@ static void break_late(Client *c, char *why)
     g_source_set_priority(c->late, G_PRIORITY_DEFAULT);
     g_source_set_callback(c->late, on_late, c, NULL);
     g_source_attach(c->late, fb_driver_context(c->driver));
-}
-
-static void end_source(GSource **source)
-{
-    if (!*source)
-        return;
-    g_source_destroy(*source);
-    g_clear_pointer(source, g_source_unref);
 }
 
 /* ------------------------------------------------------------------------- requests */
@@ -286,7 +280,7 @@ static gboolean on_frame(gint file, GIOCondition condition, gpointer data)
 static void close_files(Client *c)
 {
     for (unsigned i = 0; i < N_FILES; i++) {
-        end_source(&c->sources[i]);
+        fb_source_end(&c->sources[i]);
         if (c->files[i] >= 0)
             close(c->files[i]);
         c->files[i] = -1;
@@ -362,14 +356,14 @@ static void connect_to(void *transport)
 static void disconnect(void *transport)
 {
     Client *c = transport;
-    end_source(&c->late);
+    fb_source_end(&c->late);
     g_clear_pointer(&c->why, g_free);
     c->phase = CLOSED;
     c->awaited = 0;
     explicit_bzero(&c->keys, sizeof c->keys);
     if (c->worn)
         for (unsigned i = 0; i < N_FILES; i++)
-            end_source(&c->sources[i]);
+            fb_source_end(&c->sources[i]);
 }
 
 /* ----------------------------------------------------------------------------- life */

@@ -11,6 +11,8 @@
 #include <sys/random.h>
 #include <unistd.h>
 
+#include "fieldbus/source.h"
+
 enum {
     BEAT_US = 450000, /* at least twice a second */
     RETRY_US = 1000000,
@@ -56,13 +58,6 @@ static void tick(FbCanServer *s);
 
 /* ------------------------------------------------------------------------ requests */
 
-static void do_actions(FbCanServer *s)
-{
-    for (guint i = 0; i < s->actions->len; i++)
-        s->act(g_array_index(s->actions, FbDo, i), s->data);
-    g_array_set_size(s->actions, 0);
-}
-
 /* The answer goes first: it may have been a STOP, and what is to be done may take its time. */
 static void answer_and_do(FbCanServer *s, unsigned agent, FbCanChannel channel,
                           const FbCanAnswer *answer)
@@ -70,7 +65,7 @@ static void answer_and_do(FbCanServer *s, unsigned agent, FbCanChannel channel,
     const Port *port = port_of(s, channel, agent, answer->fd);
     if (answer->n > 0 && !fb_can_write_message(port->file, answer->bytes, answer->n))
         s->counts.unsent++;
-    do_actions(s);
+    fb_do_actions(s->actions, s->act, s->data);
     tick(s);
 }
 
@@ -152,7 +147,7 @@ static void tick(FbCanServer *s)
 {
     const int64_t now_us = g_get_monotonic_time();
     int64_t next_us = fb_receiver_tick(s->receiver, now_us, s->actions);
-    do_actions(s);
+    fb_do_actions(s->actions, s->act, s->data);
     if (!s->up && now_us >= s->retry_us) {
         s->retry_us = now_us + RETRY_US;
         open_bus(s, NULL);
@@ -203,10 +198,7 @@ static bool watch(FbCanServer *s, Port *port, int file, GUnixFDSourceFunc call)
 
 static void unwatch(Port *port)
 {
-    if (!port->source)
-        return;
-    g_source_destroy(port->source);
-    g_clear_pointer(&port->source, g_source_unref);
+    fb_source_end(&port->source);
 }
 
 static void close_port(Port *port)
@@ -335,8 +327,7 @@ void fb_can_server_free(FbCanServer *s)
     if (!s)
         return;
     for_each_port(s, close_port);
-    g_source_destroy(s->clock);
-    g_source_unref(s->clock);
+    fb_source_end(&s->clock);
     g_array_unref(s->actions);
     fb_can_slave_free(s->slave);
     fb_can_bus_clear(&s->bus);

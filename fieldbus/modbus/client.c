@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "fieldbus/modbus/client.h"
 
+#include <fcntl.h>
 #include <gio/gio.h>
 #include <modbus.h>
 #include <string.h>
@@ -161,8 +162,9 @@ static void on_connected(GObject *object, GAsyncResult *result, gpointer data)
     if (!c)
         return;
     c->attempt = NULL;
-    const int fd =
-        connection ? dup(g_socket_get_fd(g_socket_connection_get_socket(connection))) : -1;
+    const int fd = connection ? fcntl(g_socket_get_fd(g_socket_connection_get_socket(connection)),
+                                      F_DUPFD_CLOEXEC, 0)
+                              : -1;
     if (fd < 0) {
         fb_driver_broken(c->driver, error ? error->message : "no file descriptor is left");
         return;

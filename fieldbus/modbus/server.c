@@ -3,19 +3,23 @@
  * The machine's Modbus TCP server, plain or in TLS: who is connected, and when the receiver is to
  * be ticked. mbap.* frames each connection, slave.* answers its ADUs.
  */
+#include <errno.h>
 #include <gio/gio.h>
-#include <unistd.h>
+#include <sys/socket.h>
 
 #include "fieldbus/modbus/slave.h"
+#include "fieldbus/source.h"
 
 enum {
     MAX_CLIENTS = 16, /* that are ready; as many again may be on their way to it */
     BACKLOG = 64,     /* connections that wait to be accepted: a crowd must not keep a hold out */
+    RETRY_US = 100000,
 };
 
 struct FbModbusServer {
     GSocket *listener;
     GSource *accepting, *ticking;
+    gpointer listening; /* the listener in `accepting` */
     GMainContext *context;
     FbReceiver *receiver;
     FbModbusSlave *slave;
@@ -24,7 +28,7 @@ struct FbModbusServer {
     void *data;
     GPtrArray *clients; /* of FbMbap */
     GArray *actions;    /* of FbDo */
-    uint64_t refused;   /* handshakes */
+    uint64_t refused;   /* handshakes, and those that were put out */
 };
 
 static void tick(FbModbusServer *s);
@@ -64,8 +68,11 @@ static void make_room(FbModbusServer *s, bool ready, const FbMbap *newcomer)
         if (!oldest || fb_mbap_heard_us(client) < fb_mbap_heard_us(oldest))
             oldest = client;
     }
-    if (n >= MAX_CLIENTS)
-        g_ptr_array_remove_fast(s->clients, oldest);
+    if (n < MAX_CLIENTS)
+        return;
+    if (s->tls && !ready)
+        s->refused++;
+    g_ptr_array_remove_fast(s->clients, oldest);
 }
 
 static void on_ready(FbMbap *client, void *data)
@@ -73,44 +80,40 @@ static void on_ready(FbMbap *client, void *data)
     make_room(data, true, client);
 }
 
-static gboolean on_accept(GSocket *listener, GIOCondition condition, gpointer data)
+/* Whether connections are waited for; else they are looked for after a while. */
+static void listen_for_more(FbModbusServer *s, bool now)
 {
-    static const FbMbapCallbacks callbacks = {on_ready, on_adu, on_broken};
-    (void)condition;
-    FbModbusServer *s = data;
-    g_autoptr(GSocket) socket = g_socket_accept(listener, NULL, NULL);
-    const int fd = socket ? dup(g_socket_get_fd(socket)) : -1;
-    if (fd < 0)
-        return G_SOURCE_CONTINUE;
-    make_room(s, false, NULL);
-    g_ptr_array_add(s->clients, fb_mbap_new(fd, s->tls, NULL, &callbacks, s, s->context));
-    return G_SOURCE_CONTINUE;
+    g_source_modify_unix_fd(s->accepting, s->listening, now ? G_IO_IN : 0);
+    g_source_set_ready_time(s->accepting, now ? -1 : g_get_monotonic_time() + RETRY_US);
 }
 
-static void do_actions(FbModbusServer *s)
+static void on_accept(void *data)
 {
-    for (guint i = 0; i < s->actions->len; i++)
-        s->act(g_array_index(s->actions, FbDo, i), s->data);
-    g_array_set_size(s->actions, 0);
+    static const FbMbapCallbacks callbacks = {on_ready, on_adu, on_broken};
+    FbModbusServer *s = data;
+    const int fd = accept4(g_socket_get_fd(s->listener), NULL, NULL, SOCK_CLOEXEC);
+    if (fd < 0) {
+        /* One that waits where no descriptor is left would wake the main loop for ever. */
+        const bool full = errno == EMFILE || errno == ENFILE || errno == ENOBUFS || errno == ENOMEM;
+        listen_for_more(s, !full);
+        return;
+    }
+    if (g_source_get_ready_time(s->accepting) >= 0)
+        listen_for_more(s, true);
+    make_room(s, false, NULL);
+    g_ptr_array_add(s->clients, fb_mbap_new(fd, s->tls, NULL, &callbacks, s, s->context));
 }
 
 static void tick(FbModbusServer *s)
 {
     const int64_t next_us = fb_receiver_tick(s->receiver, g_get_monotonic_time(), s->actions);
-    do_actions(s);
+    fb_do_actions(s->actions, s->act, s->data);
     g_source_set_ready_time(s->ticking, next_us);
 }
 
-static gboolean on_tick(gpointer data)
+static void on_tick(void *data)
 {
     tick(data);
-    return G_SOURCE_CONTINUE;
-}
-
-static gboolean dispatch_tick(GSource *source, GSourceFunc callback, gpointer data)
-{
-    (void)source;
-    return callback(data);
 }
 
 /* --------------------------------------------------------------------- life */
@@ -136,7 +139,6 @@ FbModbusServer *fb_modbus_server_new(const FbModbusServerOptions *options, FbRec
                                      void (*act)(FbDo what, void *data), void *data,
                                      GMainContext *context, GError **error)
 {
-    static GSourceFuncs ticks = {.dispatch = dispatch_tick};
     g_autoptr(FbModbusServer) s = g_new0(FbModbusServer, 1);
     s->receiver = receiver;
     s->act = act;
@@ -152,12 +154,9 @@ FbModbusServer *fb_modbus_server_new(const FbModbusServerOptions *options, FbRec
         g_prefix_error(error, "cannot listen for Modbus on %s:%u: ", options->host, options->port);
         return NULL;
     }
-    s->accepting = g_socket_create_source(s->listener, G_IO_IN, NULL);
-    g_source_set_callback(s->accepting, G_SOURCE_FUNC(on_accept), s, NULL);
-    g_source_attach(s->accepting, context);
-    s->ticking = g_source_new(&ticks, sizeof(GSource));
-    g_source_set_callback(s->ticking, on_tick, s, NULL);
-    g_source_attach(s->ticking, context);
+    s->accepting = fb_source_new(on_accept, s, context);
+    s->listening = g_source_add_unix_fd(s->accepting, g_socket_get_fd(s->listener), G_IO_IN);
+    s->ticking = fb_source_new(on_tick, s, context);
     tick(s);
     return g_steal_pointer(&s);
 }
@@ -178,20 +177,12 @@ uint64_t fb_modbus_server_refused(const FbModbusServer *s)
     return s->refused;
 }
 
-static void end_source(GSource *source)
-{
-    if (!source)
-        return;
-    g_source_destroy(source);
-    g_source_unref(source);
-}
-
 void fb_modbus_server_free(FbModbusServer *s)
 {
     if (!s)
         return;
-    end_source(s->accepting);
-    end_source(s->ticking);
+    fb_source_end(&s->accepting);
+    fb_source_end(&s->ticking);
     g_ptr_array_unref(s->clients);
     g_array_unref(s->actions);
     g_clear_object(&s->listener);

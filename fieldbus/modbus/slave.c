@@ -140,9 +140,7 @@ static FbBlock write_block(FbModbusSlave *s, FbRole role, const Wish *w, int64_t
     const FbBlock block = blocks[find_block(w)].block;
     fb_receiver_write(s->receiver, role, block, w->written, 2 * (size_t)w->n_write, now_us,
                       s->actions);
-    for (guint i = 0; i < s->actions->len; i++)
-        s->act(g_array_index(s->actions, FbDo, i), s->data);
-    g_array_set_size(s->actions, 0);
+    fb_do_actions(s->actions, s->act, s->data);
     return block;
 }
 

@@ -2,6 +2,7 @@
 /* The machine's Modbus server as plain masters, strangers and a foreign tool see it:
  * docs/protocol.md, section 2.9. */
 #include <errno.h>
+#include <sys/resource.h>
 
 #include "tests/unit/fieldbus_cell.h"
 
@@ -259,6 +260,32 @@ static void deaf_flood(void)
     close_cell(&c);
 }
 
+/* Where no descriptor is left the server waits, and does not spin; then it goes on. */
+static void no_descriptor(void)
+{
+    struct rlimit before;
+    Cell c;
+    uint8_t answer[260];
+    int turns = 0;
+    open_cell(&c);
+    turn(&c, 4);
+    const int fd = raw_connect(&c), lowest_free = dup(fd);
+    close(lowest_free);
+    g_assert_cmpint(getrlimit(RLIMIT_NOFILE, &before), ==, 0);
+    const struct rlimit none = {(rlim_t)lowest_free, before.rlim_max};
+    g_assert_cmpint(setrlimit(RLIMIT_NOFILE, &none), ==, 0);
+    const int64_t end_us = g_get_monotonic_time() + 350000;
+    while (g_get_monotonic_time() < end_us)
+        turns += g_main_context_iteration(c.context, FALSE);
+    g_assert_cmpint(setrlimit(RLIMIT_NOFILE, &before), ==, 0);
+    g_test_message("%d turns", turns);
+    g_assert_cmpint(turns, >, 2);
+    g_assert_cmpint(turns, <, 40);
+    g_assert_cmpint(ask(&c, fd, BYTES(3, 0, 0, 0, 124), answer), ==, 250);
+    close(fd);
+    close_cell(&c);
+}
+
 /* --------------------------------------------------------------------------- judge */
 
 static void on_mbpoll(GObject *object, GAsyncResult *result, gpointer data)
@@ -309,6 +336,7 @@ static void add(void)
     g_test_add_func("/fieldbus/modbus/strangers-change-nothing", strangers_change_nothing);
     g_test_add_func("/fieldbus/modbus/noise", noise);
     g_test_add_func("/fieldbus/modbus/deaf-flood", deaf_flood);
+    g_test_add_func("/fieldbus/modbus/no-descriptor", no_descriptor);
     g_test_add_func("/fieldbus/modbus/mbpoll-reads-the-map", mbpoll_reads_the_map);
 }
 

@@ -457,6 +457,7 @@ static void sixteen_connections(void)
         fds[i] = raw_connect(&c);
         turn(&c, 3);
     }
+    g_assert_cmpuint(fb_modbus_server_refused(c.server), ==, G_N_ELEMENTS(fds) - 16);
     for (int i = 0; i < 16 && peers[i].mbap; i++) {
         fb_mbap_send(peers[i].mbap, read, sizeof read);
         g_assert_true(run_until(&c, &peers[i].answers, 1));
