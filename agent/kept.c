@@ -73,6 +73,7 @@ AgentKept *agent_kept_load(const uint8_t id[32], GError **error)
     kept->program = g_new0(NcProgram, 1);
     kept->program->bytes = g_steal_pointer(&bytes);
     memcpy(kept->program->sha256, name, sizeof name);
+    memcpy(kept->id, id, sizeof kept->id);
     return read_description(kept, ini_path, error) ? g_steal_pointer(&kept) : NULL;
 }
 

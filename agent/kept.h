@@ -14,6 +14,7 @@
 enum { AGENT_KEPT_MOST = 32 };
 
 typedef struct {
+    uint8_t id[32]; /* SHA-256 of the bytes */
     NcProgram *program;
     char *machine_file, *tools_file; /* NULL: sent without a description */
 } AgentKept;

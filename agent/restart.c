@@ -129,11 +129,13 @@ static bool load(const AgentOptions *options, const AgentLink *link, Restart *re
     AgentKept *kept = restart->kept = agent_kept_load(status->sha256, error);
     if (!kept)
         return false;
-    if (kept->program->n_gates != status->gates) {
+    const size_t n_gates = kept->program->n_gates;
+    if (n_gates != status->gates ||
+        fb_stored_gates_crc(kept->program->gates, n_gates) != status->gates_crc) {
         g_set_error(error, AGENT_ERROR, AGENT_ERROR_INPUT,
-                    "the machine has the program with %u gates, the copy has %zu: somebody else "
-                    "sent it; send it again",
-                    status->gates, kept->program->n_gates);
+                    "the machine has the program with %u gates, the copy has %zu, or others: "
+                    "somebody else sent it; send it again",
+                    status->gates, n_gates);
         return false;
     }
     const char *file = options->machine     ? options->machine
@@ -303,10 +305,8 @@ static bool execute(const AgentOptions *options, AgentLink *link, const Restart 
                     AgentJson *result, GError **error)
 {
     const NcProgram *program = restart->kept->program;
-    const FbStatus *status = fb_session_status(link->session);
-    uint8_t id[32];
-    memcpy(id, status->sha256, sizeof id);
-    const FbStored stored = {id, restart->gate.number, program->gates[restart->gate.number - 1]};
+    const FbStored stored = {restart->kept->id, restart->gate.number,
+                             program->gates[restart->gate.number - 1]};
     AgentFollow follow;
     agent_follow_init(&follow, restart->timed);
     agent_follow_begin(&follow, restart->gate.line);

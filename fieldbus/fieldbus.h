@@ -199,6 +199,20 @@ typedef struct {
     double work_offset_mm[6][3]; /* G54 … G59 */
 } FbSetup;
 
+/* Bytes of an entry of the table of gates: docs/protocol.md, 2.6. */
+enum {
+    FB_GATE_BYTES = 8,       /* offset; */
+    FB_DRIP_GATE_BYTES = 40, /* and, where the program drips, SHA-256 of the bytes before it */
+};
+
+/* The memory that a program takes: stored, the whole stream; */
+uint64_t fb_stored_bytes(uint64_t program_bytes, size_t n_gates);
+/* dripping, at least the table and the longest way from gate to gate. `gates` ascend. */
+uint64_t fb_dripped_bytes(const uint64_t *gates, size_t n_gates);
+
+/* `gates_crc` of a stored program with these gates. */
+uint32_t fb_stored_gates_crc(const uint64_t *gates, size_t n_gates);
+
 /* Whether a host, a name or an address, is this one: plain Modbus goes elsewhere only where a
  * person configured it. */
 bool fb_is_loopback(const char *host);

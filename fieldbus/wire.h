@@ -44,9 +44,6 @@ enum {
 
     FB_WINDOW_MOST = 16, /* requests in flight on a connection */
 
-    FB_GATE_BYTES = 8,       /* an entry of the table of gates: offset; */
-    FB_DRIP_GATE_BYTES = 40, /* and, where the program drips, SHA-256 of the bytes before it */
-
     FB_OPEN_DRIP = 1, /* flags of OPEN */
 };
 

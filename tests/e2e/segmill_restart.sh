@@ -112,6 +112,21 @@ line_is() { # within 20 s
     done
     return 1
 }
+# A person restarts at gate 1, is asked, does something else first, and then says yes.
+yes_after() { # yes_after STATUS COMMAND…
+    local expected=$1
+    shift
+    : >"$dir/asked"
+    {
+        until grep -q 'Start here' "$dir/asked"; do sleep 0.1; done
+        "$@" >/dev/null
+        echo y
+    } | timeout 60 script -qec "'$segmill' restart --at 1 --to $to --config '$dir/agent.ini' --json \
+        >'$dir/json' 2>'$dir/asked'" /dev/null
+    status=$?
+    cat "$dir/asked"
+    [ "$status" = "$expected" ]
+}
 # shellcheck disable=SC2046
 {
     slow max full.log
@@ -119,6 +134,19 @@ line_is() { # within 20 s
     stop
     ok "restart needs a machine" fails 4 '' "$segmill" restart --at 1 --to "$to" \
         --config "$dir/agent.ini"
+
+    slow max think.log
+    sed 's/^M30/(another one)\n&/' "$dir/three.ngc" >"$dir/next.ngc"
+    ok "not started yet" json 0 $(send --json)
+    ok "another program comes before the yes" \
+        yes_after 4 "$segmill" send "$dir/next.ngc" --to "$to" --machine "$dir/machine.ini"
+    ok "it is not the one that was shown" grep -q 'not hold the program that is meant' "$dir/json"
+    ok "and not started" state_is READY
+    kept="$XDG_STATE_HOME/segmill/programs/$(sha256sum "$dir/next.ngc" | cut -d ' ' -f 1).ini"
+    sed -i 's/^gates=[0-9]*/gates=1/' "$kept"
+    ok "other gates than this user sent" fails 3 'has the program with 5 gates, the copy has 5' \
+        "$segmill" restart --at 1 --to "$to" --yes
+    stop
 
     slow 10 log
     ok "restart needs a program" fails 4 'is IDLE and takes no restart' \
