@@ -103,6 +103,7 @@ static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions
     d->fresh = false;
     d->link = LINK_DOWN;
     d->n_flights = 0;
+    d->sent_to = 0;
     d->go_back = false;
     d->deadline_us = now_us + d->options.reconnect_us;
     /* Without the RELEASE the next start wants a person: it is worth one more connection. */
@@ -218,7 +219,10 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
         d->must_look |= s->chunk_answer != FB_ANSWER_DONE && event->n == FB_ACK_BYTES;
         fb_task_judge_chunk(d);
     }
-    d->go_back &= d->n_flights > 0;
+    if (d->n_flights == 0) {
+        d->sent_to = 0;
+        d->go_back = false;
+    }
     if (d->leased && s->lease_owner != (uint32_t)(d->options.token >> 32))
         d->leased = false;
     if (show_now(d, &before, now_us)) {
@@ -282,7 +286,7 @@ static void copy_stream(const FbDelivery *d, uint64_t offset, uint8_t *to, size_
 void fb_delivery_send_chunk(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const FbStatus *s = &d->status;
-    const uint64_t from = d->n_flights > 0 ? MAX(d->sent_to, s->received) : s->received;
+    const uint64_t from = MAX(d->sent_to, s->received);
     const uint64_t to = MIN(s->length, s->may_send_to);
     if (from >= to) { /* no credit, or all is on its way */
         d->again_us = now_us + FB_AGAIN_US;

@@ -61,7 +61,7 @@ struct FbDelivery {
     uint64_t *gates;
     uint8_t *table;       /* of the gates, as on the wire */
     uint64_t table_bytes; /* of it */
-    uint64_t sent_to;     /* end of the last chunk that is in flight */
+    uint64_t sent_to;     /* end of the last chunk in flight; 0: nothing is in flight */
     bool go_back;         /* a chunk was not taken: no more until all are answered */
     uint32_t transfer;    /* what was delivered, or is on its way */
     bool opened;          /* by this task */

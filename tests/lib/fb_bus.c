@@ -127,6 +127,18 @@ static bool spoil_request(Bus *b, const Fault *fault, Frame *f, uint8_t *bytes, 
     }
 }
 
+/* The first chunk of a row, with nothing but a beat in flight, begins where the machine's prefix
+ * ends. */
+static void check_first_chunk(const BusAgent *a, const FbRequest *request)
+{
+    FbChunk chunk;
+    for (unsigned i = 0; i < a->n_flights; i++)
+        if (a->kinds[i] == FB_REQUEST_CHUNK)
+            return;
+    g_assert_cmpint(fb_wire_get_chunk(request->bytes, request->n, &chunk), ==, FB_ANSWER_DONE);
+    g_assert_cmpuint(chunk.offset, ==, fb_delivery_status(a->delivery)->received);
+}
+
 static void send_request(Bus *b, unsigned agent, const FbRequest *request)
 {
     BusAgent *a = &b->agents[agent];
@@ -142,8 +154,11 @@ static void send_request(Bus *b, unsigned agent, const FbRequest *request)
     const Fault *fault = fault_at(b, agent, f.ordinal);
     uint8_t bytes[FB_BLOCK_BYTES];
     memcpy(bytes, request->bytes, request->n);
-    a->flights[a->n_flights++ % FB_WINDOW_MOST] = f.transaction;
-    g_assert(a->n_flights <= FB_WINDOW_MOST);
+    g_assert(a->n_flights < FB_WINDOW_MOST);
+    if (request->kind == FB_REQUEST_CHUNK)
+        check_first_chunk(a, request);
+    a->kinds[a->n_flights] = request->kind;
+    a->flights[a->n_flights++] = f.transaction;
     g_assert(request->n <= (b->setup.carrier == BUS_CAN
                                 ? (size_t)FB_BLOCK_BYTES
                                 : FB_CHUNK_HEADER_BYTES + FB_MODBUS_CHUNK_BYTES));
@@ -274,6 +289,7 @@ static void take_answer(Bus *b, const Frame *f)
         return; /* CAN: a counter that is not asked for is ignored */
     }
     memmove(a->flights, a->flights + 1, --a->n_flights * sizeof *a->flights);
+    memmove(a->kinds, a->kinds + 1, a->n_flights * sizeof *a->kinds);
     step(b, f->agent, (FbEvent){.kind = FB_EVENT_REPLY, .bytes = f->bytes, .n = f->n});
 }
 

@@ -68,6 +68,7 @@ typedef struct {
     unsigned connection, lives; /* lives: from 1 */
     unsigned frames;            /* of all lives */
     uint32_t transaction, flights[FB_WINDOW_MOST];
+    FbRequestKind kinds[FB_WINDOW_MOST]; /* of the flights */
     unsigned n_flights, most_flights;
     bool cut, killed; /* what the agent is not told yet, or will never be */
     bool ended[FB_N_TASKS];
