@@ -54,7 +54,7 @@ static bool load(const AgentOptions *options, const AgentLink *link, Restart *re
                  GError **error);
 static bool find_gate(const AgentOptions *options, const FbStatus *status, const Restart *restart,
                       uint32_t *number, GError **error);
-static void show(const Restart *restart, const FbStatus *status);
+static void show(FILE *to, const Restart *restart, const FbStatus *status);
 static void describe(const Restart *restart, const FbStatus *status, AgentJson *result);
 static bool ask(const AgentOptions *options, GError **error);
 static bool execute(const AgentOptions *options, AgentLink *link, const Restart *restart,
@@ -73,8 +73,8 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
         !agent_gate_read(restart.kept->program, number, restart.machine, &restart.gate, error))
         return false;
     describe(&restart, status, result);
-    if (!options->json)
-        show(&restart, status);
+    /* Who is asked has to see it; stdout may be a program's. */
+    show(options->json ? stderr : stdout, &restart, status);
     restart.findings =
         agent_preflight(link, restart.kept->program, restart.timed, restart.machine, error);
     if (!restart.findings ||
@@ -231,27 +231,29 @@ static char *spindle_text(const AgentGate *gate)
                : g_strdup("off");
 }
 
-static void show(const Restart *restart, const FbStatus *status)
+static void show(FILE *to, const Restart *restart, const FbStatus *status)
 {
     const AgentGate *gate = &restart->gate;
     const SegVec3 *at = &gate->position_mm;
     g_autofree char *tool = tool_text(restart);
     g_autofree char *spindle = spindle_text(gate);
     if (status->stop_line > 0)
-        printf("stopped   in line %u, last gate passed: %u\n", status->stop_line, status->gate);
-    printf("gate      %u of %zu\n", gate->number, restart->kept->program->n_gates);
-    printf("goes on   in line %u: %s\n", gate->line, gate->text);
+        fprintf(to, "stopped   in line %u, last gate passed: %u\n", status->stop_line,
+                status->gate);
+    fprintf(to, "gate      %u of %zu\n", gate->number, restart->kept->program->n_gates);
+    fprintf(to, "goes on   in line %u: %s\n", gate->line, gate->text);
     if (gate->region > 0)
-        printf("region    %d\n", gate->region);
-    printf("tool      %s\n", tool);
-    printf("spindle   %s, coolant %s\n", spindle, coolant_name(gate));
-    printf("offset    G%d, feed %g mm/min\n", gate->work_offset, gate->feed_mm_min);
-    printf("place     X%.3f Y%.3f Z%.3f mm, machine coordinates\n", at->x, at->y, at->z);
-    printf("left      %.1f s, %zu blocks\n\n", gate->left_s, gate->left_blocks);
-    printf("The machine will\n  1. go up, clear of everything\n  2. take the tool: %s\n"
-           "  3. go across to X%.3f Y%.3f\n  4. coolant %s, spindle %s; wait for its speed\n"
-           "  5. go down to Z%.3f and on with line %u\n",
-           tool, at->x, at->y, coolant_name(gate), spindle, at->z, gate->line);
+        fprintf(to, "region    %d\n", gate->region);
+    fprintf(to, "tool      %s\n", tool);
+    fprintf(to, "spindle   %s, coolant %s\n", spindle, coolant_name(gate));
+    fprintf(to, "offset    G%d, feed %g mm/min\n", gate->work_offset, gate->feed_mm_min);
+    fprintf(to, "place     X%.3f Y%.3f Z%.3f mm, machine coordinates\n", at->x, at->y, at->z);
+    fprintf(to, "left      %.1f s, %zu blocks\n\n", gate->left_s, gate->left_blocks);
+    fprintf(to,
+            "The machine will\n  1. go up, clear of everything\n  2. take the tool: %s\n"
+            "  3. go across to X%.3f Y%.3f\n  4. coolant %s, spindle %s; wait for its speed\n"
+            "  5. go down to Z%.3f and on with line %u\n",
+            tool, at->x, at->y, coolant_name(gate), spindle, at->z, gate->line);
 }
 
 static void describe(const Restart *restart, const FbStatus *status, AgentJson *result)

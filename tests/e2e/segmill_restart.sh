@@ -140,7 +140,8 @@ yes_after() { # yes_after STATUS COMMAND…
     ok "not started yet" json 0 $(send --json)
     ok "another program comes before the yes" \
         yes_after 4 "$segmill" send "$dir/next.ngc" --to "$to" --machine "$dir/machine.ini"
-    ok "it is not the one that was shown" grep -q 'not hold the program that is meant' "$dir/json"
+    ok "with --json a person sees what would be done" grep -q 'goes on   in line 4:' "$dir/asked"
+    ok "the other program is not the one that was shown" grep -q 'not hold the program that is meant' "$dir/json"
     ok "and not started" state_is READY
     kept="$XDG_STATE_HOME/segmill/programs/$(sha256sum "$dir/next.ngc" | cut -d ' ' -f 1).ini"
     sed -i 's/^gates=[0-9]*/gates=1/' "$kept"
