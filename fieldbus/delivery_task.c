@@ -208,7 +208,8 @@ static bool wants_drip(const FbDelivery *d)
 {
     const uint64_t whole = g_bytes_get_size(d->program) + (uint64_t)d->open.gates * FB_GATE_BYTES;
     return d->options.drip == CFG_DRIP_ALWAYS ||
-           (d->options.drip == CFG_DRIP_AUTO && whole > d->status.memory_bytes);
+           (d->options.drip == CFG_DRIP_AUTO && d->status.memory_bytes != 0 &&
+            whole > d->status.memory_bytes);
 }
 
 /* The table of gates as the wire wants it, and what OPEN says of it; once a task, when the

@@ -173,7 +173,7 @@ typedef struct {
     uint32_t starved;         /* how often, in this run, */
     uint32_t starved_ms;      /* and for how long */
     uint64_t released;        /* end of the last whole, verified pass: what may be executed */
-    uint64_t memory_bytes;    /* for a stream */
+    uint64_t memory_bytes;    /* for a stream; 0: the machine does not say */
     uint16_t setup_serial;    /* moves with every change of the tool table or the offsets */
     uint16_t n_tools;         /* in the machine's tool table */
     uint16_t work_offset;     /* in force: 54 … 59 */

@@ -213,6 +213,8 @@ FbStatus bus_status(const Bus *b)
     FbStatus s;
     fb_receiver_status(b->receiver, b->now_us, &s);
     s.chunk_max = b->setup.chunk_max;
+    if (b->setup.untold)
+        s.memory_bytes = 0;
     if (b->setup.carrier == BUS_CAN)
         s.window_max = 1;
     return s;
@@ -338,6 +340,7 @@ static void new_agent(Bus *b, unsigned agent)
                                        .heartbeat_us = 500000,
                                        .window = b->setup.window,
                                        .drip = b->setup.mode == BUS_DRIP ? CFG_DRIP_ALWAYS
+                                               : b->setup.untold         ? CFG_DRIP_AUTO
                                                                          : CFG_DRIP_NEVER};
     fb_delivery_free(a->delivery);
     a->delivery = fb_delivery_new(&options, b->now_us);

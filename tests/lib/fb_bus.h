@@ -25,6 +25,7 @@ typedef struct {
     uint16_t window;
     uint16_t chunk_max;
     bool attended; /* who stands at the machine switches it on again after a reboot */
+    bool untold;   /* the machine does not say how large its memory is */
 } BusSetup;
 
 const char *bus_setup_name(const BusSetup *setup); /* "Modbus, dripping" */

@@ -6,7 +6,7 @@
 #include "tests/lib/fb_work.h"
 #include "tests/lib/test.h"
 
-static const BusSetup MODBUS = {BUS_MODBUS, BUS_STORED, 8, 218, false};
+static const BusSetup MODBUS = {BUS_MODBUS, BUS_STORED, 8, 218, false, false};
 
 static BusAgent *agent(Bus *b)
 {
@@ -173,10 +173,10 @@ static void how_a_run_ends(void)
     } cases[] = {{FB_MACHINE_ALARM, FB_ERROR_ALARM},
                  {FB_MACHINE_ESTOP, FB_ERROR_ALARM},
                  {FB_MACHINE_ABORTED, FB_ERROR_ABORTED}};
-    static const BusSetup setups[] = {{BUS_MODBUS, BUS_STORED, 8, 218, false},
-                                      {BUS_MODBUS, BUS_DRIP, 8, 218, false},
-                                      {BUS_CAN, BUS_DRIP, 1, 218, false},
-                                      {BUS_CAN, BUS_RESTART, 1, FB_CHUNK_BYTES, false}};
+    static const BusSetup setups[] = {{BUS_MODBUS, BUS_STORED, 8, 218, false, false},
+                                      {BUS_MODBUS, BUS_DRIP, 8, 218, false, false},
+                                      {BUS_CAN, BUS_DRIP, 1, 218, false, false},
+                                      {BUS_CAN, BUS_RESTART, 1, FB_CHUNK_BYTES, false, false}};
     for (size_t i = 0; i < G_N_ELEMENTS(cases) * G_N_ELEMENTS(setups); i++)
         for (int turns = 0; turns < 120; turns++) {
             g_autoptr(Bus) b = bus_new(&setups[i / G_N_ELEMENTS(cases)], NULL, 0);
@@ -236,7 +236,7 @@ static void refusals_are_told(void)
  * again. */
 static void start_of_another_epoch(void)
 {
-    static const BusSetup setup = {BUS_MODBUS, BUS_RESTART, 1, 218, false};
+    static const BusSetup setup = {BUS_MODBUS, BUS_RESTART, 1, 218, false, false};
     gsize n;
     const uint8_t *bytes = g_bytes_get_data(bus_program(), &n);
     g_autoptr(Bus) b = bus_new(&setup, NULL, 0);
@@ -257,7 +257,7 @@ static void start_of_another_epoch(void)
 /* Who delivered one program and starts another that drips has no bytes for it. */
 static void no_bytes_of_another_program(void)
 {
-    static const BusSetup setup = {BUS_MODBUS, BUS_DRIP, 4, 218, false};
+    static const BusSetup setup = {BUS_MODBUS, BUS_DRIP, 4, 218, false, false};
     gsize n;
     const uint8_t *bytes = g_bytes_get_data(bus_program(), &n);
     g_autofree uint8_t *twice = g_malloc(2 * n);
@@ -306,17 +306,29 @@ static void releases_whatever_is_lost(void)
 /* A machine may publish what its carrier cannot take. */
 static void chunks_fit_their_carrier(void)
 {
-    static const BusSetup setup = {BUS_MODBUS, BUS_STORED, 4, FB_CHUNK_BYTES, false};
+    static const BusSetup setup = {BUS_MODBUS, BUS_STORED, 4, FB_CHUNK_BYTES, false, false};
     g_autoptr(Bus) b = bus_new(&setup, NULL, 0); /* which asserts it */
     work(b);
     work_settle(b);
     work_check(b, 1 << END_DONE);
 }
 
+/* A machine that does not say how large its memory is gets the program stored. */
+static void memory_untold(void)
+{
+    static const BusSetup setup = {BUS_MODBUS, BUS_STORED, 4, 218, false, true};
+    g_autoptr(Bus) b = bus_new(&setup, NULL, 0);
+    bus_deliver(b);
+    g_assert_true(bus_run(b, BUS_WORK, FB_TASK_DELIVER));
+    g_assert_no_error(agent(b)->error);
+    g_assert_cmpint(bus_status(b).state, ==, FB_STATE_READY);
+    g_assert_false(bus_status(b).drip);
+}
+
 /* The credit that a gate brings is used before the next beat would tell of it. */
 static void credit_is_used_at_once(void)
 {
-    static const BusSetup setup = {BUS_MODBUS, BUS_DRIP, 4, 218, false};
+    static const BusSetup setup = {BUS_MODBUS, BUS_DRIP, 4, 218, false, false};
     g_autoptr(Bus) b = bus_new(&setup, NULL, 0);
     start_run(b);
     for (uint32_t gate = 1; gate < BUS_GATES - 1; gate++) {
@@ -341,6 +353,7 @@ static void add(void)
     g_test_add_func("/fieldbus/delivery/start-of-another-epoch", start_of_another_epoch);
     g_test_add_func("/fieldbus/delivery/chunks-fit-their-carrier", chunks_fit_their_carrier);
     g_test_add_func("/fieldbus/delivery/releases-whatever-is-lost", releases_whatever_is_lost);
+    g_test_add_func("/fieldbus/delivery/memory-untold", memory_untold);
     g_test_add_func("/fieldbus/delivery/credit-is-used-at-once", credit_is_used_at_once);
     g_test_add_func("/fieldbus/delivery/no-bytes-of-another-program", no_bytes_of_another_program);
 }

@@ -136,7 +136,7 @@ static void control(void)
                 unsigned cases = 0;
                 const uint16_t windows = carrier == BUS_CAN ? 1 : FB_WINDOW_MOST;
                 const uint16_t chunk = carrier == BUS_CAN ? 700 : 218;
-                BusSetup setup = {carrier, mode, 1, chunk, false};
+                BusSetup setup = {carrier, mode, 1, chunk, false, false};
                 for (; setup.window <= windows; setup.window++)
                     cases += control_script(&setup, script);
                 g_test_message("%s, %s: %u cases", bus_setup_name(&setup), script_names[script],

@@ -69,7 +69,7 @@ static void modbus(void)
     unsigned cases = 0;
     for (BusMode mode = 0; mode < BUS_N_MODES; mode++)
         for (uint16_t window = 1; window <= FB_WINDOW_MOST; window++)
-            cases += sweep(&(BusSetup){BUS_MODBUS, mode, window, 218, false});
+            cases += sweep(&(BusSetup){BUS_MODBUS, mode, window, 218, false, false});
     g_test_message("Modbus: %u cases", cases);
 }
 
@@ -81,15 +81,15 @@ static void can(void)
     for (BusMode mode = 0; mode < BUS_N_MODES; mode++)
         for (size_t i = 0; i < G_N_ELEMENTS(chunks); i++)
             for (size_t j = 0; j < G_N_ELEMENTS(windows); j++)
-                cases += sweep(&(BusSetup){BUS_CAN, mode, windows[j], chunks[i], false});
+                cases += sweep(&(BusSetup){BUS_CAN, mode, windows[j], chunks[i], false, false});
     g_test_message("CAN: %u cases", cases);
 }
 
 /* Every byte of every frame, there and back, a bit each. */
 static void every_damaged_byte(void)
 {
-    static const BusSetup setups[] = {{BUS_MODBUS, BUS_STORED, 4, 218, false},
-                                      {BUS_CAN, BUS_DRIP, 1, FB_CHUNK_BYTES, false}};
+    static const BusSetup setups[] = {{BUS_MODBUS, BUS_STORED, 4, 218, false, false},
+                                      {BUS_CAN, BUS_DRIP, 1, FB_CHUNK_BYTES, false, false}};
     for (size_t i = 0; i < G_N_ELEMENTS(setups); i++) {
         const unsigned n = frames_without_fault(&setups[i]);
         Tally tally = {0};
