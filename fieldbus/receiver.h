@@ -12,6 +12,15 @@ typedef enum { FB_BLOCK_COMMAND = 1, FB_BLOCK_CHUNK, FB_BLOCK_BEAT } FbBlock;
 FbAnswer fb_receiver_write(FbReceiver *receiver, FbRole role, FbBlock block, const uint8_t *bytes,
                            size_t n, int64_t now_us, GArray *actions);
 
+/* What a carrier can do: bytes of the stream in a chunk, and requests in flight on a connection. */
+typedef struct {
+    uint16_t chunk_max, window_max;
+} FbCarrier;
+
+/* What is published on it. fb_receiver_status is of one without limits of its own. */
+void fb_receiver_publish(const FbReceiver *receiver, FbCarrier carrier, int64_t now_us,
+                         FbStatus *status);
+
 /* Has them done, in their order, and empties the array. */
 static inline void fb_do_actions(GArray *actions, void (*act)(FbDo what, void *data), void *data)
 {

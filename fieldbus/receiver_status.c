@@ -10,7 +10,7 @@ static uint32_t lease_ms(const FbReceiver *r, int64_t now_us)
     return r->lease_token ? (uint32_t)CLAMP(left_us / 1000, 0, UINT32_MAX) : 0;
 }
 
-void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
+void fb_receiver_publish(const FbReceiver *r, FbCarrier carrier, int64_t now_us, FbStatus *s)
 {
     const FbStore *store = &r->store;
     *s = (FbStatus){
@@ -34,9 +34,9 @@ void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
         .agent_lost = r->agent_lost,
         .run = r->run,
         .run_end = r->run_end,
-        .window_max = FB_WINDOW_MOST,
-        .window = CLAMP(store->open.window, 1, FB_WINDOW_MOST),
-        .chunk_max = FB_CHUNK_BYTES,
+        .window_max = carrier.window_max,
+        .window = CLAMP(store->open.window, 1, carrier.window_max),
+        .chunk_max = carrier.chunk_max,
         .alarm_code = r->alarm_code,
         .alarm_serial = r->alarm_serial,
         .feed_override_percent = r->overrides.feed_percent,
@@ -67,6 +67,11 @@ void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
     memcpy(s->sha256, store->sha256, sizeof s->sha256);
     memcpy(s->alarm_text, r->alarm_text, sizeof s->alarm_text);
     memcpy(s->alarm_advice, r->alarm_advice, sizeof s->alarm_advice);
+}
+
+void fb_receiver_status(const FbReceiver *r, int64_t now_us, FbStatus *s)
+{
+    fb_receiver_publish(r, (FbCarrier){FB_CHUNK_BYTES, FB_WINDOW_MOST}, now_us, s);
 }
 
 FbState fb_receiver_state(const FbReceiver *r)

@@ -5,22 +5,7 @@
 #include <string.h>
 #include <zlib.h>
 
-static uint8_t *put16(uint8_t *p, uint16_t v)
-{
-    p[0] = (uint8_t)(v >> 8);
-    p[1] = (uint8_t)v;
-    return p + 2;
-}
-
-static uint8_t *put32(uint8_t *p, uint32_t v)
-{
-    return put16(put16(p, (uint16_t)(v >> 16)), (uint16_t)v);
-}
-
-static uint8_t *put64(uint8_t *p, uint64_t v)
-{
-    return put32(put32(p, (uint32_t)(v >> 32)), (uint32_t)v);
-}
+#include "fieldbus/bytes.h"
 
 static uint8_t *put_bytes(uint8_t *p, const void *bytes, size_t n)
 {
@@ -33,7 +18,7 @@ static uint8_t *put_bytes(uint8_t *p, const void *bytes, size_t n)
 static uint8_t *put_fixed(uint8_t *p, double v, double scale, double low, double high)
 {
     const double w = isfinite(v) ? CLAMP(round(v * scale), low, high) : 0;
-    return put32(p, (uint32_t)(int64_t)w);
+    return fb_put32(p, (uint32_t)(int64_t)w);
 }
 
 void fb_wire_text(char *to, const char *text)
@@ -51,25 +36,6 @@ static uint8_t *put_text(uint8_t *p, const char *text)
     return p + FB_TEXT_BYTES;
 }
 
-static uint16_t get16(const uint8_t **p)
-{
-    const uint16_t v = (uint16_t)((*p)[0] << 8 | (*p)[1]);
-    *p += 2;
-    return v;
-}
-
-static uint32_t get32(const uint8_t **p)
-{
-    const uint32_t high = get16(p);
-    return high << 16 | get16(p);
-}
-
-static uint64_t get64(const uint8_t **p)
-{
-    const uint64_t high = get32(p);
-    return high << 32 | get32(p);
-}
-
 static void get_bytes(const uint8_t **p, void *bytes, size_t n)
 {
     memcpy(bytes, *p, n);
@@ -78,7 +44,7 @@ static void get_bytes(const uint8_t **p, void *bytes, size_t n)
 
 static double get_fixed(const uint8_t **p, double scale)
 {
-    return (int32_t)get32(p) / scale;
+    return (int32_t)fb_take32(p) / scale;
 }
 
 static void get_text(const uint8_t **p, char *text)
@@ -121,36 +87,36 @@ uint16_t fb_wire_flags(const FbStatus *s)
 
 size_t fb_wire_put_status(uint8_t *out, const FbStatus *s)
 {
-    uint8_t *p = put16(put16(out, s->protocol_version), (uint16_t)s->state);
-    p = put32(put32(p, s->epoch), s->transfer);
-    p = put64(put64(put64(p, s->length), s->received), s->may_send_to);
-    p = put32(put32(p, s->gates), s->gates_crc);
+    uint8_t *p = fb_put16(fb_put16(out, s->protocol_version), (uint16_t)s->state);
+    p = fb_put32(fb_put32(p, s->epoch), s->transfer);
+    p = fb_put64(fb_put64(fb_put64(p, s->length), s->received), s->may_send_to);
+    p = fb_put32(fb_put32(p, s->gates), s->gates_crc);
     p = put_bytes(put_bytes(p, s->id, sizeof s->id), s->sha256, sizeof s->sha256);
-    p = put32(put32(p, s->command_session), s->command_seq);
-    p = put16(put16(p, (uint16_t)s->command), (uint16_t)s->answer);
-    p = put16(p, (uint16_t)s->chunk_answer);
-    p = put16(p, fb_wire_flags(s));
-    p = put32(put32(p, s->lease_owner), s->lease_ms);
-    p = put32(put32(p, s->heartbeat), s->run);
-    p = put16(put16(put16(p, (uint16_t)s->run_end), s->alarm_code), s->alarm_serial);
-    p = put16(put16(p, s->window_max), s->chunk_max);
-    p = put16(p, s->feed_override_percent);
-    p = put16(put16(p, s->rapid_override_percent), s->spindle_override_percent);
-    p = put32(p, s->line);
-    p = put64(p, s->executed_blocks);
-    p = put32(put32(p, s->program_time_ms), (uint32_t)s->tool);
+    p = fb_put32(fb_put32(p, s->command_session), s->command_seq);
+    p = fb_put16(fb_put16(p, (uint16_t)s->command), (uint16_t)s->answer);
+    p = fb_put16(p, (uint16_t)s->chunk_answer);
+    p = fb_put16(p, fb_wire_flags(s));
+    p = fb_put32(fb_put32(p, s->lease_owner), s->lease_ms);
+    p = fb_put32(fb_put32(p, s->heartbeat), s->run);
+    p = fb_put16(fb_put16(fb_put16(p, (uint16_t)s->run_end), s->alarm_code), s->alarm_serial);
+    p = fb_put16(fb_put16(p, s->window_max), s->chunk_max);
+    p = fb_put16(p, s->feed_override_percent);
+    p = fb_put16(fb_put16(p, s->rapid_override_percent), s->spindle_override_percent);
+    p = fb_put32(p, s->line);
+    p = fb_put64(p, s->executed_blocks);
+    p = fb_put32(fb_put32(p, s->program_time_ms), (uint32_t)s->tool);
     for (int i = 0; i < 3; i++)
         p = put_fixed(p, s->position_mm[i], 1000, INT32_MIN, INT32_MAX);
     p = put_fixed(p, s->feed_mm_min, 1000, 0, UINT32_MAX);
     p = put_fixed(p, s->spindle_rpm, 1000, INT32_MIN, INT32_MAX);
-    p = put16(put16(p, s->window), s->work_offset);
-    p = put32(put32(p, s->starved), s->starved_ms);
-    p = put64(p, s->released);
-    p = put32(put32(p, s->gate), s->stop_line);
-    p = put16(put16(p, s->setup_serial), s->n_tools);
-    p = put64(p, s->memory_bytes);
+    p = fb_put16(fb_put16(p, s->window), s->work_offset);
+    p = fb_put32(fb_put32(p, s->starved), s->starved_ms);
+    p = fb_put64(p, s->released);
+    p = fb_put32(fb_put32(p, s->gate), s->stop_line);
+    p = fb_put16(fb_put16(p, s->setup_serial), s->n_tools);
+    p = fb_put64(p, s->memory_bytes);
     memset(p, 0, (size_t)(out + FB_STATUS_BYTES - p));
-    put32(out + FB_STATUS_BYTES - 4, fb_wire_crc(out, FB_STATUS_BYTES - 4));
+    fb_put32(out + FB_STATUS_BYTES - 4, fb_wire_crc(out, FB_STATUS_BYTES - 4));
     return FB_STATUS_BYTES;
 }
 
@@ -165,79 +131,79 @@ static bool status_is_possible(const FbStatus *s)
 bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *s)
 {
     const uint8_t *p = in + FB_STATUS_BYTES - 4;
-    if (n != FB_STATUS_BYTES || get32(&p) != fb_wire_crc(in, FB_STATUS_BYTES - 4))
+    if (n != FB_STATUS_BYTES || fb_take32(&p) != fb_wire_crc(in, FB_STATUS_BYTES - 4))
         return false;
     p = in;
-    s->protocol_version = get16(&p);
-    s->state = (FbState)get16(&p);
-    s->epoch = get32(&p);
-    s->transfer = get32(&p);
-    s->length = get64(&p);
-    s->received = get64(&p);
-    s->may_send_to = get64(&p);
-    s->gates = get32(&p);
-    s->gates_crc = get32(&p);
+    s->protocol_version = fb_take16(&p);
+    s->state = (FbState)fb_take16(&p);
+    s->epoch = fb_take32(&p);
+    s->transfer = fb_take32(&p);
+    s->length = fb_take64(&p);
+    s->received = fb_take64(&p);
+    s->may_send_to = fb_take64(&p);
+    s->gates = fb_take32(&p);
+    s->gates_crc = fb_take32(&p);
     get_bytes(&p, s->id, sizeof s->id);
     get_bytes(&p, s->sha256, sizeof s->sha256);
-    s->command_session = get32(&p);
-    s->command_seq = get32(&p);
-    s->command = (FbCommand)get16(&p);
-    s->answer = (FbAnswer)get16(&p);
-    s->chunk_answer = (FbAnswer)get16(&p);
-    const uint16_t flags = get16(&p);
+    s->command_session = fb_take32(&p);
+    s->command_seq = fb_take32(&p);
+    s->command = (FbCommand)fb_take16(&p);
+    s->answer = (FbAnswer)fb_take16(&p);
+    s->chunk_answer = (FbAnswer)fb_take16(&p);
+    const uint16_t flags = fb_take16(&p);
     s->needs_acknowledge = flags & FLAG_NEEDS_ACKNOWLEDGE;
     s->agent_lost = flags & FLAG_AGENT_LOST;
     s->drip = flags & FLAG_DRIP;
     s->starving = flags & FLAG_STARVING;
     s->optional_stop = flags & FLAG_OPTIONAL_STOP;
-    s->lease_owner = get32(&p);
-    s->lease_ms = get32(&p);
-    s->heartbeat = get32(&p);
-    s->run = get32(&p);
-    s->run_end = (FbRunEnd)get16(&p);
-    s->alarm_code = get16(&p);
-    s->alarm_serial = get16(&p);
-    s->window_max = get16(&p);
-    s->chunk_max = get16(&p);
-    s->feed_override_percent = get16(&p);
-    s->rapid_override_percent = get16(&p);
-    s->spindle_override_percent = get16(&p);
-    s->line = get32(&p);
-    s->executed_blocks = get64(&p);
-    s->program_time_ms = get32(&p);
-    s->tool = (int32_t)get32(&p);
+    s->lease_owner = fb_take32(&p);
+    s->lease_ms = fb_take32(&p);
+    s->heartbeat = fb_take32(&p);
+    s->run = fb_take32(&p);
+    s->run_end = (FbRunEnd)fb_take16(&p);
+    s->alarm_code = fb_take16(&p);
+    s->alarm_serial = fb_take16(&p);
+    s->window_max = fb_take16(&p);
+    s->chunk_max = fb_take16(&p);
+    s->feed_override_percent = fb_take16(&p);
+    s->rapid_override_percent = fb_take16(&p);
+    s->spindle_override_percent = fb_take16(&p);
+    s->line = fb_take32(&p);
+    s->executed_blocks = fb_take64(&p);
+    s->program_time_ms = fb_take32(&p);
+    s->tool = (int32_t)fb_take32(&p);
     for (int i = 0; i < 3; i++)
         s->position_mm[i] = get_fixed(&p, 1000);
-    s->feed_mm_min = get32(&p) / 1000.0;
+    s->feed_mm_min = fb_take32(&p) / 1000.0;
     s->spindle_rpm = get_fixed(&p, 1000);
-    s->window = get16(&p);
-    s->work_offset = get16(&p);
-    s->starved = get32(&p);
-    s->starved_ms = get32(&p);
-    s->released = get64(&p);
-    s->gate = get32(&p);
-    s->stop_line = get32(&p);
-    s->setup_serial = get16(&p);
-    s->n_tools = get16(&p);
-    s->memory_bytes = get64(&p);
+    s->window = fb_take16(&p);
+    s->work_offset = fb_take16(&p);
+    s->starved = fb_take32(&p);
+    s->starved_ms = fb_take32(&p);
+    s->released = fb_take64(&p);
+    s->gate = fb_take32(&p);
+    s->stop_line = fb_take32(&p);
+    s->setup_serial = fb_take16(&p);
+    s->n_tools = fb_take16(&p);
+    s->memory_bytes = fb_take64(&p);
     return status_is_possible(s);
 }
 
 size_t fb_wire_put_alarm(uint8_t *out, const FbStatus *s)
 {
-    uint8_t *p = put16(put16(out, s->alarm_serial), s->alarm_code);
+    uint8_t *p = fb_put16(fb_put16(out, s->alarm_serial), s->alarm_code);
     p = put_text(put_text(p, s->alarm_text), s->alarm_advice);
-    put32(p, fb_wire_crc(out, FB_ALARM_BYTES - 4));
+    fb_put32(p, fb_wire_crc(out, FB_ALARM_BYTES - 4));
     return FB_ALARM_BYTES;
 }
 
 bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *s)
 {
     const uint8_t *p = in + FB_ALARM_BYTES - 4;
-    if (n != FB_ALARM_BYTES || get32(&p) != fb_wire_crc(in, FB_ALARM_BYTES - 4))
+    if (n != FB_ALARM_BYTES || fb_take32(&p) != fb_wire_crc(in, FB_ALARM_BYTES - 4))
         return false;
     p = in;
-    if (get16(&p) != s->alarm_serial || get16(&p) != s->alarm_code)
+    if (fb_take16(&p) != s->alarm_serial || fb_take16(&p) != s->alarm_code)
         return false;
     get_text(&p, s->alarm_text);
     get_text(&p, s->alarm_advice);
@@ -247,21 +213,21 @@ bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *s)
 /* The last four bytes of a block are the CRC of those before. */
 static size_t seal(uint8_t *out, size_t n)
 {
-    put32(out + n - 4, fb_wire_crc(out, n - 4));
+    fb_put32(out + n - 4, fb_wire_crc(out, n - 4));
     return n;
 }
 
 static bool is_sealed(const uint8_t *in, size_t n, size_t expected)
 {
     const uint8_t *p = in + expected - 4;
-    return n == expected && get32(&p) == fb_wire_crc(in, expected - 4);
+    return n == expected && fb_take32(&p) == fb_wire_crc(in, expected - 4);
 }
 
 size_t fb_wire_put_ack(uint8_t *out, const FbStatus *s)
 {
-    uint8_t *p = put32(put32(out, s->epoch), s->transfer);
-    p = put64(put64(p, s->received), s->may_send_to);
-    put16(put16(p, (uint16_t)s->state), (uint16_t)s->chunk_answer);
+    uint8_t *p = fb_put32(fb_put32(out, s->epoch), s->transfer);
+    p = fb_put64(fb_put64(p, s->received), s->may_send_to);
+    fb_put16(fb_put16(p, (uint16_t)s->state), (uint16_t)s->chunk_answer);
     return seal(out, FB_ACK_BYTES);
 }
 
@@ -271,12 +237,12 @@ bool fb_wire_get_ack(const uint8_t *in, size_t n, FbStatus *status)
     FbStatus s = *status;
     if (!is_sealed(in, n, FB_ACK_BYTES))
         return false;
-    s.epoch = get32(&p);
-    s.transfer = get32(&p);
-    s.received = get64(&p);
-    s.may_send_to = get64(&p);
-    s.state = (FbState)get16(&p);
-    s.chunk_answer = (FbAnswer)get16(&p);
+    s.epoch = fb_take32(&p);
+    s.transfer = fb_take32(&p);
+    s.received = fb_take64(&p);
+    s.may_send_to = fb_take64(&p);
+    s.state = (FbState)fb_take16(&p);
+    s.chunk_answer = (FbAnswer)fb_take16(&p);
     if (!status_is_possible(&s))
         return false;
     *status = s;
@@ -294,7 +260,7 @@ static uint8_t *put_length(uint8_t *p, double mm)
 
 size_t fb_wire_put_offsets(uint8_t *out, const FbSetup *setup)
 {
-    uint8_t *p = put16(put16(out, setup->serial), setup->work_offset);
+    uint8_t *p = fb_put16(fb_put16(out, setup->serial), setup->work_offset);
     for (int i = 0; i < 6; i++)
         for (int axis = 0; axis < 3; axis++)
             p = put_length(p, setup->work_offset_mm[i][axis]);
@@ -306,8 +272,8 @@ bool fb_wire_get_offsets(const uint8_t *in, size_t n, FbSetup *setup)
     const uint8_t *p = in;
     if (!is_sealed(in, n, FB_OFFSETS_BYTES))
         return false;
-    setup->serial = get16(&p);
-    setup->work_offset = get16(&p);
+    setup->serial = fb_take16(&p);
+    setup->work_offset = fb_take16(&p);
     for (int i = 0; i < 6; i++)
         for (int axis = 0; axis < 3; axis++)
             setup->work_offset_mm[i][axis] = get_fixed(&p, UNITS_A_MM);
@@ -316,12 +282,12 @@ bool fb_wire_get_offsets(const uint8_t *in, size_t n, FbSetup *setup)
 
 size_t fb_wire_put_tools(uint8_t *out, const FbSetup *setup, unsigned page)
 {
-    uint8_t *p = put16(put16(out, setup->serial), setup->n_tools);
+    uint8_t *p = fb_put16(fb_put16(out, setup->serial), setup->n_tools);
     memset(p, 0, (size_t)(out + FB_TOOLS_BYTES - p));
     for (unsigned i = page * FB_TOOLS_A_PAGE; i < MIN(setup->n_tools, (page + 1) * FB_TOOLS_A_PAGE);
          i++) {
         const FbTool *t = &setup->tools[i];
-        p = put16(put16(put32(p, (uint32_t)t->number), (uint16_t)t->kind), 0);
+        p = fb_put16(fb_put16(fb_put32(p, (uint32_t)t->number), (uint16_t)t->kind), 0);
         p = put_length(put_length(put_length(p, t->diameter_mm), t->corner_radius_mm),
                        t->length_mm);
     }
@@ -331,16 +297,16 @@ size_t fb_wire_put_tools(uint8_t *out, const FbSetup *setup, unsigned page)
 bool fb_wire_get_tools(const uint8_t *in, size_t n, unsigned page, FbSetup *setup)
 {
     const uint8_t *p = in;
-    if (!is_sealed(in, n, FB_TOOLS_BYTES) || get16(&p) != setup->serial)
+    if (!is_sealed(in, n, FB_TOOLS_BYTES) || fb_take16(&p) != setup->serial)
         return false;
-    setup->n_tools = get16(&p);
+    setup->n_tools = fb_take16(&p);
     if (setup->n_tools > FB_TOOLS_MOST)
         return false;
     for (unsigned i = page * FB_TOOLS_A_PAGE; i < MIN(setup->n_tools, (page + 1) * FB_TOOLS_A_PAGE);
          i++) {
         FbTool *t = &setup->tools[i];
-        t->number = (int32_t)get32(&p);
-        const uint16_t kind = get16(&p);
+        t->number = (int32_t)fb_take32(&p);
+        const uint16_t kind = fb_take16(&p);
         if (kind > CFG_TOOL_BULL)
             return false;
         t->kind = (CfgToolKind)kind;
@@ -376,17 +342,18 @@ static void put_arguments(uint8_t *p, const FbOrder *o)
     switch (o->command) {
     case FB_COMMAND_OPEN:
         p = put_bytes(p, o->open.id, sizeof o->open.id);
-        p = put32(put32(put64(p, o->open.program_bytes), o->open.gates), o->open.gates_crc);
-        put16(put16(p, o->open.flags), o->open.window);
+        p = fb_put32(fb_put32(fb_put64(p, o->open.program_bytes), o->open.gates),
+                     o->open.gates_crc);
+        fb_put16(fb_put16(p, o->open.flags), o->open.window);
         break;
     case FB_COMMAND_RESTART:
-        put64(put32(p, o->gate), o->gate_offset);
+        fb_put64(fb_put32(p, o->gate), o->gate_offset);
         break;
     case FB_COMMAND_OVERRIDE:
-        put16(put16(put16(p, a->feed_percent), a->rapid_percent), a->spindle_percent);
+        fb_put16(fb_put16(fb_put16(p, a->feed_percent), a->rapid_percent), a->spindle_percent);
         break;
     case FB_COMMAND_OPTIONAL_STOP:
-        put16(p, a->optional_stop);
+        fb_put16(p, a->optional_stop);
         break;
     default:
         break;
@@ -399,23 +366,23 @@ static void get_arguments(const uint8_t *p, FbOrder *o)
     switch (o->command) {
     case FB_COMMAND_OPEN:
         get_bytes(&p, o->open.id, sizeof o->open.id);
-        o->open.program_bytes = get64(&p);
-        o->open.gates = get32(&p);
-        o->open.gates_crc = get32(&p);
-        o->open.flags = get16(&p);
-        o->open.window = get16(&p);
+        o->open.program_bytes = fb_take64(&p);
+        o->open.gates = fb_take32(&p);
+        o->open.gates_crc = fb_take32(&p);
+        o->open.flags = fb_take16(&p);
+        o->open.window = fb_take16(&p);
         break;
     case FB_COMMAND_RESTART:
-        o->gate = get32(&p);
-        o->gate_offset = get64(&p);
+        o->gate = fb_take32(&p);
+        o->gate_offset = fb_take64(&p);
         break;
     case FB_COMMAND_OVERRIDE:
-        a->feed_percent = get16(&p);
-        a->rapid_percent = get16(&p);
-        a->spindle_percent = get16(&p);
+        a->feed_percent = fb_take16(&p);
+        a->rapid_percent = fb_take16(&p);
+        a->spindle_percent = fb_take16(&p);
         break;
     case FB_COMMAND_OPTIONAL_STOP:
-        a->optional_stop = get16(&p) != 0;
+        a->optional_stop = fb_take16(&p) != 0;
         break;
     default:
         break;
@@ -425,11 +392,11 @@ static void get_arguments(const uint8_t *p, FbOrder *o)
 size_t fb_wire_put_order(uint8_t *out, const FbOrder *o)
 {
     const size_t arguments = argument_bytes(o->command);
-    uint8_t *p = put32(put32(out, o->session), o->seq);
-    p = put64(put32(put32(p, o->epoch), o->transfer), o->token);
-    p = put16(put16(p, (uint16_t)o->command), (uint16_t)arguments);
+    uint8_t *p = fb_put32(fb_put32(out, o->session), o->seq);
+    p = fb_put64(fb_put32(fb_put32(p, o->epoch), o->transfer), o->token);
+    p = fb_put16(fb_put16(p, (uint16_t)o->command), (uint16_t)arguments);
     put_arguments(p + 4, o);
-    put32(p, crc_around(out, FB_COMMAND_BYTES - 4, arguments));
+    fb_put32(p, crc_around(out, FB_COMMAND_BYTES - 4, arguments));
     return FB_COMMAND_BYTES + arguments;
 }
 
@@ -439,24 +406,24 @@ FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *o)
     if (n < FB_COMMAND_BYTES)
         return FB_ANSWER_MALFORMED;
     const uint8_t *p = in + FB_COMMAND_BYTES - 6;
-    const size_t arguments = get16(&p);
-    const uint32_t crc = get32(&p);
+    const size_t arguments = fb_take16(&p);
+    const uint32_t crc = fb_take32(&p);
     if (n != FB_COMMAND_BYTES + arguments)
         return FB_ANSWER_MALFORMED;
     if (crc != crc_around(in, FB_COMMAND_BYTES - 4, arguments))
         return FB_ANSWER_CRC;
     p = in;
-    o->session = get32(&p);
-    o->seq = get32(&p);
-    o->epoch = get32(&p);
-    o->transfer = get32(&p);
-    o->token = get64(&p);
-    o->command = (FbCommand)get16(&p);
+    o->session = fb_take32(&p);
+    o->seq = fb_take32(&p);
+    o->epoch = fb_take32(&p);
+    o->transfer = fb_take32(&p);
+    o->token = fb_take64(&p);
+    o->command = (FbCommand)fb_take16(&p);
     o->crc = crc;
     const uint8_t *on = in + FB_COMMAND_BYTES;
     if (o->command == FB_COMMAND_NONE || o->command >= FB_N_COMMANDS || o->session == 0 ||
         o->seq == 0 || arguments != argument_bytes(o->command) ||
-        (o->command == FB_COMMAND_OPTIONAL_STOP && get16(&on) > 1))
+        (o->command == FB_COMMAND_OPTIONAL_STOP && fb_take16(&on) > 1))
         return FB_ANSWER_MALFORMED;
     get_arguments(in + FB_COMMAND_BYTES, o);
     return FB_ANSWER_DONE;
@@ -464,10 +431,10 @@ FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *o)
 
 size_t fb_wire_put_chunk(uint8_t *out, const FbChunk *c)
 {
-    uint8_t *p = put64(put32(put32(out, c->epoch), c->transfer), c->offset);
-    p = put16(put16(p, c->length), 0);
+    uint8_t *p = fb_put64(fb_put32(fb_put32(out, c->epoch), c->transfer), c->offset);
+    p = fb_put16(fb_put16(p, c->length), 0);
     uint8_t *end = put_bytes(p + 4, c->bytes, c->length);
-    put32(p, crc_around(out, FB_CHUNK_HEADER_BYTES - 4, c->length));
+    fb_put32(p, crc_around(out, FB_CHUNK_HEADER_BYTES - 4, c->length));
     if (c->length % 2)
         *end++ = 0;
     return (size_t)(end - out);
@@ -478,12 +445,12 @@ FbAnswer fb_wire_get_chunk(const uint8_t *in, size_t n, FbChunk *c)
     if (n <= FB_CHUNK_HEADER_BYTES)
         return FB_ANSWER_MALFORMED;
     const uint8_t *p = in;
-    c->epoch = get32(&p);
-    c->transfer = get32(&p);
-    c->offset = get64(&p);
-    c->length = get16(&p);
+    c->epoch = fb_take32(&p);
+    c->transfer = fb_take32(&p);
+    c->offset = fb_take64(&p);
+    c->length = fb_take16(&p);
     p += 2;
-    const uint32_t crc = get32(&p);
+    const uint32_t crc = fb_take32(&p);
     c->bytes = p;
     if (c->length == 0 || c->length > FB_CHUNK_BYTES ||
         n != FB_CHUNK_HEADER_BYTES + (size_t)c->length + c->length % 2)
@@ -494,8 +461,8 @@ FbAnswer fb_wire_get_chunk(const uint8_t *in, size_t n, FbChunk *c)
 
 size_t fb_wire_put_beat(uint8_t *out, const FbBeat *b)
 {
-    uint8_t *p = put32(put64(put32(out, b->session), b->token), b->count);
-    put32(p, fb_wire_crc(out, FB_BEAT_BYTES - 4));
+    uint8_t *p = fb_put32(fb_put64(fb_put32(out, b->session), b->token), b->count);
+    fb_put32(p, fb_wire_crc(out, FB_BEAT_BYTES - 4));
     return FB_BEAT_BYTES;
 }
 
@@ -504,22 +471,22 @@ FbAnswer fb_wire_get_beat(const uint8_t *in, size_t n, FbBeat *b)
     if (n != FB_BEAT_BYTES)
         return FB_ANSWER_MALFORMED;
     const uint8_t *p = in;
-    b->session = get32(&p);
-    b->token = get64(&p);
-    b->count = get32(&p);
-    return get32(&p) == fb_wire_crc(in, FB_BEAT_BYTES - 4) ? FB_ANSWER_DONE : FB_ANSWER_CRC;
+    b->session = fb_take32(&p);
+    b->token = fb_take64(&p);
+    b->count = fb_take32(&p);
+    return fb_take32(&p) == fb_wire_crc(in, FB_BEAT_BYTES - 4) ? FB_ANSWER_DONE : FB_ANSWER_CRC;
 }
 
 /* -------------------------------------------------------------------------- gates */
 
 void fb_wire_put_gate(uint8_t *out, uint64_t offset, const uint8_t *hash)
 {
-    uint8_t *p = put64(out, offset);
+    uint8_t *p = fb_put64(out, offset);
     if (hash)
         put_bytes(p, hash, FB_DRIP_GATE_BYTES - FB_GATE_BYTES);
 }
 
 uint64_t fb_wire_get_gate(const uint8_t *entry)
 {
-    return get64(&entry);
+    return fb_take64(&entry);
 }

@@ -8,6 +8,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
+#include "fieldbus/bytes.h"
 #include "fieldbus/source.h"
 
 enum { CLASSIC, FD, FRAMES, N_FILES, LEAVE_MS = 100 };
@@ -105,8 +106,7 @@ static size_t put_message(uint8_t *out, const FbRequest *request)
     size_t n = request->n;
     if (n == 0) {
         out[0] = FB_CAN_READ;
-        out[1] = (uint8_t)(at >> 8);
-        out[2] = (uint8_t)at;
+        fb_put16(out + 1, at);
         return 3;
     }
     if (request->kind == FB_REQUEST_CHUNK &&

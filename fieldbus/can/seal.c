@@ -7,6 +7,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "fieldbus/bytes.h"
+
 enum {
     DIGEST_BYTES = 32, /* of SHA-256 */
     FRAME_MAC_AT = 4,  /* of STOP and of the beat: the last four bytes */
@@ -14,28 +16,6 @@ enum {
     STOP_BYTE = 6, /* before what STOP's mac is over: no message begins with it */
     FILE_MOST_BYTES = 4096,
 };
-
-static uint8_t *put16(uint8_t *p, uint32_t v)
-{
-    p[0] = (uint8_t)(v >> 8);
-    p[1] = (uint8_t)v;
-    return p + 2;
-}
-
-static uint8_t *put32(uint8_t *p, uint32_t v)
-{
-    return put16(put16(p, v >> 16), v);
-}
-
-static uint32_t get16(const uint8_t *p)
-{
-    return (uint32_t)p[0] << 8 | p[1];
-}
-
-static uint32_t get32(const uint8_t *p)
-{
-    return get16(p) << 16 | get16(p + 2);
-}
 
 /* ----------------------------------------------------------------------------- macs */
 
@@ -74,7 +54,7 @@ void fb_can_derive(FbCanKeys *keys, const FbCanKey *shared, uint16_t id, const u
                    const uint8_t *nonce_machine)
 {
     uint8_t id_bytes[2];
-    put16(id_bytes, id);
+    fb_put16(id_bytes, id);
     Part parts[] = {{"agent", 5},
                     {id_bytes, sizeof id_bytes},
                     {nonce_agent, FB_CAN_NONCE_BYTES},
@@ -90,7 +70,7 @@ static void hello_mac(uint8_t digest[DIGEST_BYTES], const uint8_t *hello, const 
                       uint16_t id)
 {
     uint8_t id_bytes[2];
-    put16(id_bytes, id);
+    fb_put16(id_bytes, id);
     const Part parts[] = {{hello, FB_CAN_HELLO_BYTES - FB_CAN_MAC_BYTES},
                           {id_bytes, sizeof id_bytes}};
     hmac(digest, shared, parts, G_N_ELEMENTS(parts));
@@ -100,7 +80,8 @@ size_t fb_can_put_hello(uint8_t *out, const FbCanHello *hello, const FbCanKey *s
 {
     uint8_t digest[DIGEST_BYTES];
     out[0] = FB_CAN_HELLO;
-    uint8_t *p = put32(put16(put16(out + 1, hello->version), hello->flags), hello->session);
+    uint8_t *p =
+        fb_put32(fb_put16(fb_put16(out + 1, hello->version), hello->flags), hello->session);
     memcpy(p, hello->nonce, FB_CAN_NONCE_BYTES);
     hello_mac(digest, out, shared, id);
     memcpy(p + FB_CAN_NONCE_BYTES, digest, FB_CAN_MAC_BYTES);
@@ -113,9 +94,9 @@ bool fb_can_get_hello(const uint8_t *in, size_t n, const FbCanKey *shared, uint1
     uint8_t digest[DIGEST_BYTES];
     if (n != FB_CAN_HELLO_BYTES || in[0] != FB_CAN_HELLO)
         return false;
-    hello->version = (uint16_t)get16(in + 1);
-    hello->flags = (uint16_t)get16(in + 3);
-    hello->session = get32(in + 5);
+    hello->version = fb_get16(in + 1);
+    hello->flags = fb_get16(in + 3);
+    hello->session = fb_get32(in + 5);
     memcpy(hello->nonce, in + 9, FB_CAN_NONCE_BYTES);
     hello_mac(digest, in, shared, id);
     return same(in + 25, digest, FB_CAN_MAC_BYTES);
@@ -125,7 +106,7 @@ static void welcome_mac(uint8_t digest[DIGEST_BYTES], const uint8_t *welcome,
                         const FbCanKey *shared, uint16_t id, const uint8_t *nonce_agent)
 {
     uint8_t id_bytes[2];
-    put16(id_bytes, id);
+    fb_put16(id_bytes, id);
     const Part parts[] = {{welcome, FB_CAN_WELCOME_BYTES - FB_CAN_MAC_BYTES},
                           {nonce_agent, FB_CAN_NONCE_BYTES},
                           {id_bytes, sizeof id_bytes}};
@@ -137,8 +118,8 @@ size_t fb_can_put_welcome(uint8_t *out, const FbCanWelcome *welcome, const FbCan
 {
     uint8_t digest[DIGEST_BYTES];
     out[0] = FB_CAN_WELCOME;
-    uint8_t *p = put16(put16(out + 1, welcome->version), welcome->flags);
-    p = put32(put32(p, welcome->epoch), welcome->beat_count);
+    uint8_t *p = fb_put16(fb_put16(out + 1, welcome->version), welcome->flags);
+    p = fb_put32(fb_put32(p, welcome->epoch), welcome->beat_count);
     memcpy(p, welcome->nonce, FB_CAN_NONCE_BYTES);
     welcome_mac(digest, out, shared, id, nonce_agent);
     memcpy(p + FB_CAN_NONCE_BYTES, digest, FB_CAN_MAC_BYTES);
@@ -151,10 +132,10 @@ bool fb_can_get_welcome(const uint8_t *in, size_t n, const FbCanKey *shared, uin
     uint8_t digest[DIGEST_BYTES];
     if (n != FB_CAN_WELCOME_BYTES || in[0] != FB_CAN_WELCOME)
         return false;
-    welcome->version = (uint16_t)get16(in + 1);
-    welcome->flags = (uint16_t)get16(in + 3);
-    welcome->epoch = get32(in + 5);
-    welcome->beat_count = get32(in + 9);
+    welcome->version = fb_get16(in + 1);
+    welcome->flags = fb_get16(in + 3);
+    welcome->epoch = fb_get32(in + 5);
+    welcome->beat_count = fb_get32(in + 9);
     memcpy(welcome->nonce, in + 13, FB_CAN_NONCE_BYTES);
     welcome_mac(digest, in, shared, id, nonce_agent);
     return same(in + 29, digest, FB_CAN_MAC_BYTES);
@@ -165,7 +146,7 @@ bool fb_can_get_welcome(const uint8_t *in, size_t n, const FbCanKey *shared, uin
 size_t fb_can_seal(uint8_t *message, size_t n, uint32_t counter, const FbCanKey *key)
 {
     uint8_t digest[DIGEST_BYTES];
-    uint8_t *end = put32(message + n, counter);
+    uint8_t *end = fb_put32(message + n, counter);
     hmac(digest, key, &(Part){message, n + 4}, 1);
     memcpy(end, digest, FB_CAN_MAC_BYTES);
     return n + FB_CAN_SEAL_BYTES;
@@ -177,7 +158,7 @@ bool fb_can_unseal(const uint8_t *message, size_t n, const FbCanKey *key, uint32
     if (n < 1 + FB_CAN_SEAL_BYTES)
         return false;
     hmac(digest, key, &(Part){message, n - FB_CAN_MAC_BYTES}, 1);
-    *counter = get32(message + n - FB_CAN_SEAL_BYTES);
+    *counter = fb_get32(message + n - FB_CAN_SEAL_BYTES);
     return same(message + n - FB_CAN_MAC_BYTES, digest, FB_CAN_MAC_BYTES);
 }
 
@@ -185,14 +166,14 @@ static void stop_mac(uint8_t digest[DIGEST_BYTES], uint8_t command, uint32_t seq
                      const FbCanKey *agent)
 {
     uint8_t bytes[6] = {STOP_BYTE, command};
-    put32(bytes + 2, seq);
+    fb_put32(bytes + 2, seq);
     hmac(digest, agent, &(Part){bytes, sizeof bytes}, 1);
 }
 
 void fb_can_put_stop(uint8_t *out, FbCommand command, uint32_t seq, const FbCanKey *agent)
 {
     uint8_t digest[DIGEST_BYTES];
-    put32(out, seq);
+    fb_put32(out, seq);
     out[0] = (uint8_t)command;
     stop_mac(digest, out[0], seq, agent);
     memcpy(out + FRAME_MAC_AT, digest, FRAME_MAC_BYTES);
@@ -202,7 +183,7 @@ bool fb_can_get_stop(const uint8_t *in, const FbCanKey *agent, FbCommand *comman
 {
     uint8_t digest[DIGEST_BYTES];
     *command = (FbCommand)in[0];
-    *seq = get32(in) & FB_CAN_SEQ_MOST;
+    *seq = fb_get32(in) & FB_CAN_SEQ_MOST;
     stop_mac(digest, in[0], *seq, agent);
     return same(in + FRAME_MAC_AT, digest, FRAME_MAC_BYTES);
 }
@@ -210,7 +191,7 @@ bool fb_can_get_stop(const uint8_t *in, const FbCanKey *agent, FbCommand *comman
 void fb_can_beat_key(FbCanKey *key, const FbCanKey *shared, uint32_t epoch)
 {
     uint8_t epoch_bytes[4];
-    put32(epoch_bytes, epoch);
+    fb_put32(epoch_bytes, epoch);
     const Part parts[] = {{"beat", 4}, {epoch_bytes, sizeof epoch_bytes}};
     derive(key, shared, parts, G_N_ELEMENTS(parts));
 }
@@ -219,7 +200,7 @@ static void beat_mac(uint8_t digest[DIGEST_BYTES], const uint8_t *beat, uint32_t
                      const FbCanKey *key)
 {
     uint8_t bytes[6] = {beat[0], beat[1]};
-    put32(bytes + 2, count);
+    fb_put32(bytes + 2, count);
     hmac(digest, key, &(Part){bytes, sizeof bytes}, 1);
 }
 
@@ -228,7 +209,7 @@ void fb_can_put_beat(uint8_t *out, const FbCanMachineBeat *beat, const FbCanKey 
     uint8_t digest[DIGEST_BYTES];
     out[0] = (uint8_t)beat->state;
     out[1] = beat->flags;
-    put16(out + 2, beat->count);
+    fb_put16(out + 2, beat->count);
     beat_mac(digest, out, beat->count, key);
     memcpy(out + FRAME_MAC_AT, digest, FRAME_MAC_BYTES);
 }
@@ -236,7 +217,7 @@ void fb_can_put_beat(uint8_t *out, const FbCanMachineBeat *beat, const FbCanKey 
 bool fb_can_get_beat(const uint8_t *in, const FbCanKey *key, uint32_t next, FbCanMachineBeat *beat)
 {
     uint8_t digest[DIGEST_BYTES];
-    const uint16_t ahead = (uint16_t)(get16(in + 2) - next);
+    const uint16_t ahead = (uint16_t)(fb_get16(in + 2) - next);
     *beat = (FbCanMachineBeat){(FbState)in[0], in[1], next + ahead};
     beat_mac(digest, in, beat->count, key);
     return same(in + FRAME_MAC_AT, digest, FRAME_MAC_BYTES);

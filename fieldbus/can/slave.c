@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#include "fieldbus/bytes.h"
+
 /* What one HELLO and its WELCOME agreed on. */
 typedef struct {
     bool is_open;
@@ -127,9 +129,7 @@ static Opening *opening_of(FbCanSlave *s, Channel *channel, const FbCanMessage *
 static FbStatus status_of(const FbCanSlave *s, int64_t now_us)
 {
     FbStatus status;
-    fb_receiver_status(s->receiver, now_us, &status);
-    status.chunk_max = FB_CHUNK_BYTES;
-    status.window_max = status.window = 1;
+    fb_receiver_publish(s->receiver, (FbCarrier){FB_CHUNK_BYTES, 1}, now_us, &status);
     return status;
 }
 
@@ -196,7 +196,7 @@ static bool serve(FbCanSlave *s, const FbCanMessage *m, int64_t now_us, GArray *
         take_chunk(s, body, n, now_us, actions, answer);
         return true;
     case FB_CAN_READ:
-        return n == 2 && put_block(s, (unsigned)body[0] << 8 | body[1], now_us, answer);
+        return n == 2 && put_block(s, fb_get16(body), now_us, answer);
     default:
         return false;
     }

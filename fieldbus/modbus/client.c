@@ -7,6 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "fieldbus/bytes.h"
 #include "fieldbus/modbus/mbap.h"
 
 enum { PLAIN_PORT = 502, TLS_PORT = 802 };
@@ -42,18 +43,6 @@ struct FbModbusClient {
 static void disconnect(void *transport);
 
 /* ------------------------------------------------------------------- requests */
-
-static uint8_t *put16(uint8_t *p, size_t v)
-{
-    p[0] = (uint8_t)(v >> 8);
-    p[1] = (uint8_t)v;
-    return p + 2;
-}
-
-static unsigned u16(const uint8_t *p)
-{
-    return (unsigned)p[0] << 8 | p[1];
-}
 
 /* The block that the answer carries. */
 static void find_answer(const FbRequest *request, unsigned *at, size_t *n_bytes)
@@ -95,17 +84,17 @@ static void send_request(void *transport, const FbRequest *request)
                        request->n > 0 ? MODBUS_FC_WRITE_AND_READ_REGISTERS
                                       : MODBUS_FC_READ_HOLDING_REGISTERS,
                        n_bytes / 2};
-    uint8_t *p = put16(put16(adu, flight->transaction), 0) + 2;
+    uint8_t *p = fb_put16(fb_put16(adu, flight->transaction), 0) + 2;
     *p++ = c->unit_id;
     *p++ = flight->function;
-    p = put16(put16(p, at), flight->n_read);
+    p = fb_put16(fb_put16(p, at), flight->n_read);
     if (request->n > 0) {
-        p = put16(put16(p, written[request->kind]), request->n / 2);
+        p = fb_put16(fb_put16(p, written[request->kind]), request->n / 2);
         *p++ = (uint8_t)request->n;
         memcpy(p, request->bytes, request->n);
         p += request->n;
     }
-    put16(adu + 4, (size_t)(p - adu) - 6);
+    fb_put16(adu + 4, (size_t)(p - adu) - 6);
     fb_mbap_send(c->mbap, adu, (size_t)(p - adu));
 }
 
@@ -116,7 +105,7 @@ static void on_adu(FbMbap *mbap, const uint8_t *adu, size_t n, void *data)
     const uint8_t *pdu = adu + FB_MBAP_HEADER_BYTES;
     const size_t n_pdu = n - FB_MBAP_HEADER_BYTES;
     const Flight f = c->flights[0];
-    if (c->n_flights == 0 || u16(adu) != f.transaction || adu[6] != c->unit_id) {
+    if (c->n_flights == 0 || fb_get16(adu) != f.transaction || adu[6] != c->unit_id) {
         fb_driver_broken(c->driver, "an answer to another request");
     } else if (n_pdu == 2 && pdu[0] == (f.function | 0x80)) {
         g_autofree char *why = g_strdup_printf("Modbus exception %d: is this the right port and "

@@ -9,6 +9,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "fieldbus/bytes.h"
+
 enum {
     IN_BYTES = 8 * FB_ADU_BYTES,
     OUT_BYTES = 64 * 1024, /* answers that the peer has not read: more is no honest peer */
@@ -83,8 +85,7 @@ static ssize_t whole_adu(const uint8_t *in, size_t n)
 {
     if (n < FB_MBAP_HEADER_BYTES - 1)
         return 0;
-    const unsigned protocol = (unsigned)in[2] << 8 | in[3];
-    const unsigned length = (unsigned)in[4] << 8 | in[5];
+    const unsigned protocol = fb_get16(in + 2), length = fb_get16(in + 4);
     if (protocol != 0 || length < 2 || length > FB_ADU_BYTES - 6)
         return -1;
     return n >= 6 + length ? (ssize_t)(6 + length) : 0;

@@ -4,9 +4,10 @@
 #include <modbus.h>
 #include <string.h>
 
+#include "fieldbus/bytes.h"
+
 enum {
-    CHUNK_BYTES = 218, /* of the stream: what a FC23 can write less the chunk's header */
-    WRITE_BYTES = 242, /* what it can write: 121 registers */
+    WRITE_BYTES = 242, /* what a FC23 can write: 121 registers */
     READ_MOST = MODBUS_MAX_READ_REGISTERS,
     UNIT_NOT_HERE = MODBUS_EXCEPTION_GATEWAY_TARGET,
 };
@@ -63,11 +64,6 @@ void fb_modbus_slave_adu(FbModbusSlave *s, FbRole role, const uint8_t *adu, size
     out[5] = (uint8_t)(answer->n - 6);
 }
 
-static unsigned u16(const uint8_t *p)
-{
-    return (unsigned)p[0] << 8 | p[1];
-}
-
 /* The exception, or 0. */
 static int parse(const uint8_t *pdu, size_t n, Wish *w)
 {
@@ -91,14 +87,15 @@ static int parse(const uint8_t *pdu, size_t n, Wish *w)
         write == pdu + 1 ? MODBUS_MAX_WRITE_REGISTERS : MODBUS_MAX_WR_WRITE_REGISTERS;
     if (write) {
         const size_t head = (size_t)(write - pdu) + 5;
-        if (n < head || u16(write + 2) < 1 || u16(write + 2) > most ||
-            write[4] != 2 * u16(write + 2) || n != head + write[4])
+        if (n < head || fb_get16(write + 2) < 1 || fb_get16(write + 2) > most ||
+            write[4] != 2 * fb_get16(write + 2) || n != head + write[4])
             return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
-        *w = (Wish){.write_at = u16(write), .n_write = u16(write + 2), .written = write + 5};
+        *w = (Wish){
+            .write_at = fb_get16(write), .n_write = fb_get16(write + 2), .written = write + 5};
     }
     if (write != pdu + 1) {
-        w->read_at = u16(pdu + 1);
-        w->n_read = u16(pdu + 3);
+        w->read_at = fb_get16(pdu + 1);
+        w->n_read = fb_get16(pdu + 3);
         if (w->n_read < 1 || w->n_read > READ_MOST)
             return MODBUS_EXCEPTION_ILLEGAL_DATA_VALUE;
     }
@@ -149,8 +146,8 @@ static void publish(FbModbusSlave *s, int64_t now_us)
 {
     FbStatus status;
     const FbSetup *setup = fb_receiver_setup(s->receiver);
-    fb_receiver_status(s->receiver, now_us, &status);
-    status.chunk_max = CHUNK_BYTES;
+    fb_receiver_publish(s->receiver, (FbCarrier){FB_MODBUS_CHUNK_BYTES, FB_WINDOW_MOST}, now_us,
+                        &status);
     fb_wire_put_status(s->map + 2 * FB_AT_STATUS, &status);
     if (!s->published || status.alarm_serial != s->alarm_serial)
         fb_wire_put_alarm(s->map + 2 * FB_AT_ALARM, &status);
