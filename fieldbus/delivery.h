@@ -76,7 +76,7 @@ void fb_delivery_set_token(FbDelivery *delivery, uint64_t token);
  * FB_CHUNK_BYTES. */
 void fb_delivery_limit_chunks(FbDelivery *delivery, uint16_t bytes);
 
-/* Tasks; one at a time. Step with TICK afterwards. */
+/* Tasks; one at a time: none while fb_delivery_busy. Step with TICK afterwards. */
 void fb_delivery_deliver(FbDelivery *delivery, GBytes *program, const uint64_t *gates,
                          size_t n_gates, int64_t now_us);
 void fb_delivery_start(FbDelivery *delivery, int64_t now_us);

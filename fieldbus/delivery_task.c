@@ -346,7 +346,7 @@ static void command_next(FbDelivery *d, int64_t now_us, FbActions *out)
 
 static void begin(FbDelivery *d, FbTask task, int64_t now_us)
 {
-    g_return_if_fail(!d->busy);
+    g_assert(!d->busy);
     d->busy = true;
     d->task = task;
     d->since_us = d->again_us = now_us;

@@ -131,10 +131,20 @@ void fb_session_set_token(FbSession *s, uint64_t token)
     fb_delivery_set_token(fb_driver_delivery(s->control), token);
 }
 
+/* Any number but 0, each as likely. */
+static uint32_t draw(void)
+{
+    uint32_t number;
+    do
+        number = g_random_int();
+    while (number == 0);
+    return number;
+}
+
 static FbDelivery *new_delivery(const CfgAgent *agent, uint64_t token)
 {
     const FbDeliveryOptions options = {
-        .session = g_random_int() | 1,
+        .session = draw(),
         .token = token,
         .reply_timeout_us = (int64_t)(agent->reply_timeout_s * 1e6),
         .reconnect_us = (int64_t)(agent->reconnect_s * 1e6),
@@ -153,7 +163,7 @@ static FbSession *new_session(const char *address, const CfgAgent *agent,
     static const FbDriverCallbacks work = {on_work_show, on_work_ended};
     static const FbDriverCallbacks control = {NULL, on_control_ended};
     FbSession *s = g_new0(FbSession, 1);
-    const uint64_t token = (uint64_t)(g_random_int() | 1) << 32 | g_random_int();
+    const uint64_t token = (uint64_t)draw() << 32 | g_random_int();
     s->address = g_strdup(address);
     s->callbacks = *callbacks;
     s->status.state = FB_STATE_UNKNOWN;

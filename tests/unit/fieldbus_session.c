@@ -256,6 +256,27 @@ static void machine_restarts(void)
     close_cell(&c);
 }
 
+/* Session numbers use all their bits: what the machine was told by, in many sessions. */
+static void session_numbers(void)
+{
+    uint32_t all = UINT32_MAX, any = 0;
+    for (int i = 0; i < 64; i++) {
+        Cell c;
+        FbStatus s;
+        open_cell(&c);
+        open_session(&c);
+        fb_session_command(c.session, FB_COMMAND_HOLD, NULL);
+        g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 1));
+        fb_receiver_status(c.receiver, g_get_monotonic_time(), &s);
+        g_assert_cmpuint(s.command_session, !=, 0);
+        all &= s.command_session;
+        any |= s.command_session;
+        close_cell(&c);
+    }
+    g_assert_cmphex(all, ==, 0); /* by chance once in 10^17 tests */
+    g_assert_cmphex(any, ==, UINT32_MAX);
+}
+
 static void add(void)
 {
     g_test_add_func("/fieldbus/session/delivers-and-runs", delivers_and_runs);
@@ -266,6 +287,7 @@ static void add(void)
     g_test_add_func("/fieldbus/session/command-behind-a-task", command_behind_a_task);
     g_test_add_func("/fieldbus/session/same-agent-twice", same_agent_twice);
     g_test_add_func("/fieldbus/session/farewell", farewell);
+    g_test_add_func("/fieldbus/session/numbers", session_numbers);
     g_test_add_func("/fieldbus/session/machine-restarts", machine_restarts);
 }
 
