@@ -29,26 +29,38 @@ GArray *agent_preflight_compare(const AgentPreflight *flight)
     return findings;
 }
 
-GArray *agent_preflight(AgentLink *link, const NcProgram *program, const AgentProgram *needs,
-                        const AgentMachine *machine, GError **error)
+GArray *agent_preflight(AgentLink *link, AgentPreflight *flight, GError **error)
 {
     if (!agent_link_wait_status(link, error))
         return NULL;
     fb_session_read_setup(link->session);
     if (!agent_link_wait(link, FB_TASK_SETUP, error))
         return NULL;
-    const AgentPreflight flight = {program,
-                                   needs,
-                                   machine,
-                                   link->agent->drip,
-                                   fb_session_status(link->session),
-                                   fb_session_setup(link->session)};
-    GArray *findings = agent_preflight_compare(&flight);
+    flight->drip = link->agent->drip;
+    flight->status = fb_session_status(link->session);
+    flight->setup = fb_session_setup(link->session);
+    GArray *findings = agent_preflight_compare(flight);
     for (guint i = 0; i < findings->len; i++) {
         const AgentFinding *finding = &g_array_index(findings, AgentFinding, i);
         agent_progress_note("%s: %s", agent_level_name(finding->level), finding->message);
     }
     return findings;
+}
+
+bool agent_preflight_again(AgentLink *link, AgentPreflight *flight, bool accepted,
+                           GArray **findings, GError **error)
+{
+    if (!agent_link_wait_status(link, error))
+        return false;
+    if (fb_session_status(link->session)->setup_serial == flight->setup->serial)
+        return true;
+    agent_progress_note("the machine's tools or offsets have changed: they are compared again");
+    GArray *again = agent_preflight(link, flight, error);
+    if (!again)
+        return false;
+    g_array_unref(*findings);
+    *findings = again;
+    return agent_preflight_allows(again, accepted, error);
 }
 
 bool agent_preflight_allows(const GArray *findings, bool accepted, GError **error)

@@ -31,9 +31,9 @@ typedef struct {
     const NcProgram *program;
     const AgentProgram *needs;   /* NULL: there is no description to read the program with */
     const AgentMachine *machine; /* it; NULL together with `needs` */
-    CfgDrip drip;
-    const FbStatus *status; /* of the machine, */
-    const FbSetup *setup;   /* its tools and offsets */
+    CfgDrip drip;                /* from here on filled in by agent_preflight */
+    const FbStatus *status;      /* of the machine, */
+    const FbSetup *setup;        /* its tools and offsets */
 } AgentPreflight;
 
 /* What there is to say: AgentFindings in the order of the checks. */
@@ -41,8 +41,13 @@ GArray *agent_preflight_compare(const AgentPreflight *flight);
 
 /* Reads the machine's status, tools and offsets, compares, and tells a person on stderr. NULL with
  * an error where the machine does not answer. */
-GArray *agent_preflight(AgentLink *link, const NcProgram *program, const AgentProgram *needs,
-                        const AgentMachine *machine, GError **error);
+GArray *agent_preflight(AgentLink *link, AgentPreflight *flight, GError **error);
+
+/* Right before the start, where that took its time: as the machine's last status says, `findings`
+ * still hold; or everything is compared again, replaces them, and must be allowed again. What
+ * changes between that status and the START is not seen. */
+bool agent_preflight_again(AgentLink *link, AgentPreflight *flight, bool accepted,
+                           GArray **findings, GError **error);
 
 /* Whether that may be started; AGENT_ERROR_CAUTION where there are cautions that nobody accepted.
  */

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <glib-unix.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -56,7 +57,7 @@ static bool find_gate(const AgentOptions *options, const FbStatus *status, const
                       uint32_t *number, GError **error);
 static void show(FILE *to, const Restart *restart, const FbStatus *status);
 static void describe(const Restart *restart, const FbStatus *status, AgentJson *result);
-static bool ask(const AgentOptions *options, GError **error);
+static bool ask(const AgentOptions *options, const AgentLink *link, GError **error);
 static bool execute(const AgentOptions *options, AgentLink *link, const Restart *restart,
                     AgentJson *result, GError **error);
 
@@ -75,11 +76,13 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
     describe(&restart, status, result);
     /* Who is asked has to see it; stdout may be a program's. */
     show(options->json ? stderr : stdout, &restart, status);
-    restart.findings =
-        agent_preflight(link, restart.kept->program, restart.timed, restart.machine, error);
+    AgentPreflight flight = {
+        .program = restart.kept->program, .needs = restart.timed, .machine = restart.machine};
+    restart.findings = agent_preflight(link, &flight, error);
     if (!restart.findings ||
         !agent_preflight_allows(restart.findings, options->accept_cautions, error) ||
-        !ask(options, error))
+        !ask(options, link, error) ||
+        !agent_preflight_again(link, &flight, options->accept_cautions, &restart.findings, error))
         return false;
     agent_preflight_write(restart.findings, result);
     return execute(options, link, &restart, result, error);
@@ -283,8 +286,28 @@ static void describe(const Restart *restart, const FbStatus *status, AgentJson *
 
 /* --------------------------------------------------------------------- execute */
 
+static gboolean on_input(int fd, GIOCondition condition, void *typed)
+{
+    (void)fd, (void)condition;
+    *(bool *)typed = true;
+    return G_SOURCE_CONTINUE;
+}
+
+/* Until a line was typed. The link is served meanwhile: what the machine says stays fresh. */
+static void wait_for_line(const AgentLink *link)
+{
+    bool typed = false;
+    GSource *input = g_unix_fd_source_new(STDIN_FILENO, G_IO_IN | G_IO_HUP | G_IO_ERR);
+    g_source_set_callback(input, G_SOURCE_FUNC(on_input), &typed, NULL);
+    g_source_attach(input, link->context);
+    while (!typed)
+        g_main_context_iteration(link->context, true);
+    g_source_destroy(input);
+    g_source_unref(input);
+}
+
 /* A person's explicit act: a word at the terminal, or --yes on the command line. */
-static bool ask(const AgentOptions *options, GError **error)
+static bool ask(const AgentOptions *options, const AgentLink *link, GError **error)
 {
     if (options->yes)
         return true;
@@ -297,6 +320,7 @@ static bool ask(const AgentOptions *options, GError **error)
     char answer[16] = "";
     fflush(stdout);
     fputs("Start here? [y/N] ", stderr);
+    wait_for_line(link);
     if (fgets(answer, sizeof answer, stdin) && (*answer == 'y' || *answer == 'Y'))
         return true;
     g_set_error(error, AGENT_ERROR, AGENT_ERROR_INTERRUPTED, "not started");

@@ -72,11 +72,14 @@ static bool start(const AgentOptions *options, const AgentJob *job, AgentExecuti
     /* The description is the job's; only its file names are new. */
     AgentMachine machine = {job->recipe->machine_file, agent_job_tools_file(job), job->machine,
                             job->tools};
-    *findings =
-        agent_preflight(execution->link, program, execution->follow->program, &machine, error);
+    AgentPreflight flight = {
+        .program = program, .needs = execution->follow->program, .machine = &machine};
+    *findings = agent_preflight(execution->link, &flight, error);
     return *findings && agent_preflight_allows(*findings, options->accept_cautions, error) &&
            agent_kept_store(program, machine.machine_file, machine.tools_file, error) &&
            agent_execute_deliver(execution, program->bytes, program->gates, program->n_gates,
+                                 error) &&
+           agent_preflight_again(execution->link, &flight, options->accept_cautions, findings,
                                  error) &&
            agent_execute_start(execution, NULL, error);
 }

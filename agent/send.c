@@ -74,8 +74,9 @@ static bool load_program(const AgentOptions *options, const AgentLink *link, Loa
     return load->program;
 }
 
+/* Without --start, too, caution blocks: a button at the machine starts what is READY. */
 static bool deliver(const AgentOptions *options, AgentLink *link, const Load *load,
-                    AgentFollow *follow, GError **error)
+                    AgentFollow *follow, GArray **findings, GError **error)
 {
     const NcProgram *program = load->program;
     const AgentMachine *machine = load->machine;
@@ -84,12 +85,16 @@ static bool deliver(const AgentOptions *options, AgentLink *link, const Load *lo
                                 .start_us = g_get_monotonic_time(),
                                 .state = FB_N_STATES,
                                 .name = options->to};
+    AgentPreflight flight = {.program = program, .needs = load->timed, .machine = machine};
+    *findings = agent_preflight(link, &flight, error);
     bool ok =
+        *findings && agent_preflight_allows(*findings, options->accept_cautions, error) &&
         agent_kept_store(program, machine ? machine->machine_file : NULL,
                          machine ? machine->tools_file : NULL, error) &&
         agent_execute_deliver(&execution, program->bytes, program->gates, program->n_gates, error);
     if (ok && options->start)
-        ok = agent_execute_start(&execution, NULL, error);
+        ok = agent_preflight_again(link, &flight, options->accept_cautions, findings, error) &&
+             agent_execute_start(&execution, NULL, error);
     link->status = NULL;
     return ok;
 }
@@ -114,15 +119,11 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
     g_auto(Load) load = {0};
     if (!link || !load_program(options, link, &load, error) || !agent_link_wait_ready(link, error))
         return false;
-    g_autoptr(GArray) findings =
-        agent_preflight(link, load.program, load.timed, load.machine, error);
-    /* Without --start, too: a button at the machine starts what is READY. */
-    if (!findings || !agent_preflight_allows(findings, options->accept_cautions, error))
-        return false;
+    g_autoptr(GArray) findings = NULL;
     AgentFollow follow = {0};
     if (load.timed)
         agent_follow_init(&follow, load.timed);
-    bool ok = deliver(options, link, &load, load.timed ? &follow : NULL, error);
+    bool ok = deliver(options, link, &load, load.timed ? &follow : NULL, &findings, error);
     if (load.timed)
         agent_follow_clear(&follow);
     if (ok)

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The person's stop: asked for until the machine has taken it. */
+/* The person's stop, asked for until the machine has taken it; and what changes before a start. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "agent/execute.h"
+#include "agent/preflight.h"
 #include "tests/lib/test.h"
 
 /* A machine in a thread of its own, as it is in life. A hold ends its run. */
@@ -13,7 +14,7 @@ typedef struct {
     GThread *thread;
     FbReceiver *receiver;
     FbModbusServer *server;
-    gint starts, holds;
+    gint starts, holds, setups;
 } Machine;
 
 static void tell(Machine *m, FbMachineEvent event)
@@ -42,7 +43,8 @@ static gpointer serve(gpointer data)
     return NULL;
 }
 
-static bool machine_init(Machine *m)
+/* `setup` may be NULL. */
+static bool machine_init(Machine *m, const FbSetup *setup)
 {
     const FbReceiverOptions options = {.epoch = 1,
                                        .memory_bytes = 1 << 20,
@@ -51,6 +53,8 @@ static bool machine_init(Machine *m)
     g_autoptr(GError) error = NULL;
     *m = (Machine){.context = g_main_context_new(), .receiver = fb_receiver_new(&options)};
     tell(m, FB_MACHINE_ACKNOWLEDGED);
+    if (setup)
+        fb_receiver_set_setup(m->receiver, setup);
     m->loop = g_main_loop_new(m->context, FALSE);
     const FbModbusServerOptions server = {.host = "127.0.0.1", .unit_id = 1};
     m->server = fb_modbus_server_new(&server, m->receiver, act, m, m->context, &error);
@@ -77,7 +81,7 @@ static void hold_before_start(void)
     Machine m;
     g_autoptr(GError) error = NULL;
     g_autoptr(GBytes) bytes = g_bytes_new_static(program, sizeof program - 1);
-    if (!machine_init(&m))
+    if (!machine_init(&m, NULL))
         return;
     g_autofree char *address =
         g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m.server));
@@ -110,7 +114,7 @@ static void watch(void)
     Machine m;
     g_autoptr(GError) error = NULL;
     g_autoptr(GBytes) bytes = g_bytes_new_static(program, sizeof program - 1);
-    if (!machine_init(&m))
+    if (!machine_init(&m, NULL))
         return;
     g_autofree char *address =
         g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m.server));
@@ -137,9 +141,68 @@ static void watch(void)
     machine_clear(&m);
 }
 
+static gboolean change_setup(void *data)
+{
+    Machine *m = data;
+    const FbSetup setup = {.n_tools = 1, .tools = {{.number = 4}}, .work_offset = 54};
+    fb_receiver_set_setup(m->receiver, &setup);
+    g_atomic_int_inc(&m->setups);
+    return G_SOURCE_REMOVE;
+}
+
+/* Somebody changes a tool while the program is on its way: what was found right is so no more. */
+static void changed_on_the_way(void)
+{
+    static const char bytes[] = "T3 M6\nM30\n";
+    const uint64_t end = sizeof bytes - 1;
+    int used[] = {3};
+    CfgTool planned = {.number = 3};
+    CfgToolTable table = {&planned, 1};
+    const AgentMachine described = {.tools = &table};
+    const AgentProgram needs = {.tools = used, .n_tools = 1};
+    g_autoptr(GBytes) program_bytes = g_bytes_new_static(bytes, sizeof bytes - 1);
+    const NcProgram program = {.bytes = program_bytes, .gates = (uint64_t *)&end, .n_gates = 1};
+    const FbSetup right = {.n_tools = 1, .tools = {{.number = 3}}, .work_offset = 54};
+    Machine m;
+    g_autoptr(GError) error = NULL;
+    if (!machine_init(&m, &right))
+        return;
+    g_autofree char *address =
+        g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m.server));
+    const AgentOptions options = {.to = address};
+    AgentLink *link = agent_link_open(&options, &error);
+    g_assert_no_error(error);
+    AgentPreflight flight = {.program = &program, .needs = &needs, .machine = &described};
+    g_autoptr(GArray) findings = link ? agent_preflight(link, &flight, &error) : NULL;
+    g_assert_no_error(error);
+    g_assert_true(findings && agent_preflight_allows(findings, false, NULL));
+    AgentExecution execution = {.link = link, .state = FB_N_STATES, .name = address};
+    if (findings) {
+        g_assert_true(agent_preflight_again(link, &flight, false, &findings, &error));
+        g_main_context_invoke(m.context, change_setup, &m);
+        while (g_atomic_int_get(&m.setups) == 0)
+            g_thread_yield();
+        g_assert_true(agent_execute_deliver(&execution, program_bytes, &end, 1, &error));
+        g_assert_false(agent_preflight_again(link, &flight, false, &findings, &error));
+        g_assert_error(error, AGENT_ERROR, AGENT_ERROR_CAUTION);
+        g_clear_error(&error);
+        g_assert_true(findings && !agent_preflight_allows(findings, false, NULL));
+        /* What a person accepts all the same is started, though the lease was given back. */
+        g_assert_true(agent_preflight_again(link, &flight, true, &findings, &error));
+        execution.stop = FB_COMMAND_HOLD;
+        fb_session_command(link->session, FB_COMMAND_HOLD, NULL);
+        g_assert_false(agent_execute_start(&execution, NULL, &error));
+        g_assert_error(error, FB_ERROR, FB_ERROR_ABORTED);
+    }
+    g_assert_cmpint(g_atomic_int_get(&m.starts), ==, 1);
+    agent_link_free(link);
+    machine_clear(&m);
+}
+
 static void add(void)
 {
     g_test_add_func("/agent/execute/watch", watch);
+    g_test_add_func("/agent/execute/changed-on-the-way", changed_on_the_way);
     g_test_add_func("/agent/execute/hold-before-start", hold_before_start);
 }
 
