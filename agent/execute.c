@@ -174,8 +174,7 @@ static void watch(AgentExecution *execution, const FbStatus *status)
     else if (!execution->lost)
         execution->lost = agent_link_timer(link, link->agent->give_up_s, on_lost, execution);
     if (!execution->ended)
-        execution->ended =
-            agent_run_ended(status, execution->epoch, execution->run, &execution->why);
+        execution->ended = fb_run_ended(status, execution->epoch, execution->run, &execution->why);
 }
 
 /* ------------------------------------------------------------------------ show */

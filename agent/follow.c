@@ -94,31 +94,6 @@ double agent_follow_share(const AgentFollow *follow)
     return total > 0 ? fmin(1, (follow->planned_s - follow->begin_s) / total) : 0;
 }
 
-bool agent_run_ended(const FbStatus *status, uint32_t epoch, uint32_t run, GError **why)
-{
-    if (status->state == FB_STATE_UNKNOWN)
-        return false;
-    if (status->epoch != epoch) {
-        g_set_error_literal(why, FB_ERROR, FB_ERROR_LINK_LOST,
-                            "the machine was restarted: what it did last is not known");
-        return true;
-    }
-    if (status->run != run) {
-        g_set_error(why, FB_ERROR, FB_ERROR_PROTOCOL,
-                    "the machine was started by somebody else (run %u, this was %u)", status->run,
-                    run);
-        return true;
-    }
-    if (status->run_end == FB_RUN_ABORTED)
-        g_set_error(why, FB_ERROR, FB_ERROR_ABORTED, "aborted in line %u", status->stop_line);
-    if (status->run_end == FB_RUN_ALARM)
-        g_set_error(why, FB_ERROR, FB_ERROR_ALARM, "alarm %u in line %u: %s. %s",
-                    status->alarm_code, status->stop_line,
-                    status->alarm_code ? status->alarm_text : "acknowledged meanwhile",
-                    status->alarm_advice);
-    return status->run_end != FB_RUN_NONE;
-}
-
 /* ---------------------------------------------------------------------- states */
 
 static bool stands(FbState state)

@@ -71,10 +71,6 @@ void agent_follow_step(AgentFollow *follow, const FbStatus *status, double at_s)
 /* Planned, of what the record covers. */
 double agent_follow_planned_s(const AgentFollow *follow);
 
-/* Whether that run of that epoch has ended. What ended it goes into `why`: nothing where it is
- * complete, else FB_ERROR as fb_session_start's. */
-bool agent_run_ended(const FbStatus *status, uint32_t epoch, uint32_t run, GError **why);
-
 /* 0 … 1, by planned time. */
 double agent_follow_share(const AgentFollow *follow);
 

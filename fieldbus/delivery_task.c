@@ -278,6 +278,7 @@ static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out)
 static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const FbStatus *s = &d->status;
+    GError *why = NULL;
     if (d->stored && !d->started && d->transfer == 0 && s->state == FB_STATE_READY &&
         (!d->wanted.id || memcmp(s->id, d->wanted.id, sizeof s->id) == 0))
         d->transfer = s->transfer;
@@ -291,20 +292,8 @@ static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
         const FbCommand start =
             d->stored && d->wanted.gate > 0 ? FB_COMMAND_RESTART : FB_COMMAND_START;
         fb_delivery_ask(d, d->leased ? start : FB_COMMAND_LEASE, now_us, out);
-    } else if (s->run != d->run) {
-        fb_task_finish(d,
-                       g_error_new(FB_ERROR, FB_ERROR_PROTOCOL,
-                                   "the machine was started by somebody else (run %u, ours was %u)",
-                                   s->run, d->run));
-    } else if (s->run_end == FB_RUN_COMPLETE) {
-        fb_task_finish(d, NULL);
-    } else if (s->run_end == FB_RUN_ABORTED) {
-        fb_task_finish(d, g_error_new(FB_ERROR, FB_ERROR_ABORTED, "aborted in line %u", s->line));
-    } else if (s->run_end == FB_RUN_ALARM) {
-        fb_task_finish(d, g_error_new(FB_ERROR, FB_ERROR_ALARM, "alarm %u in line %u: %s. %s",
-                                      s->alarm_code, s->line,
-                                      s->alarm_code ? s->alarm_text : "acknowledged meanwhile",
-                                      s->alarm_code ? s->alarm_advice : ""));
+    } else if (fb_run_ended(s, d->epoch, d->run, &why)) {
+        fb_task_finish(d, why);
     } else if (s->drip && s->received < MIN(s->length, s->may_send_to) && is_ours(d)) {
         fb_delivery_send_chunk(d, now_us, out);
     } else if (s->drip && s->received < s->length && is_ours(d)) {

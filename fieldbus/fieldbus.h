@@ -182,6 +182,11 @@ typedef struct {
     char alarm_advice[FB_TEXT_BYTES];
 } FbStatus;
 
+/* Whether that run of that epoch has ended; not while the state is UNKNOWN. What ended it goes into
+ * `why`: nothing where it is complete, else LINK_LOST (another epoch), PROTOCOL (another run),
+ * ABORTED or ALARM, with the first line that was not done. */
+bool fb_run_ended(const FbStatus *status, uint32_t epoch, uint32_t run, GError **why);
+
 /* The machine's tool table and work offsets, as it publishes them; lengths to 0.1 µm. */
 enum { FB_TOOLS_MOST = 60 };
 

@@ -62,6 +62,9 @@ void bus_machine_event(Bus *b, FbMachineEvent event)
         event == FB_MACHINE_ESTOP) {
         b->on = false;
         b->line_us = INT64_MAX;
+        b->progress.stop_line = event == FB_MACHINE_COMPLETE ? 0 : b->progress.line;
+        b->progress.line = 0;
+        fb_receiver_progress(b->receiver, &b->progress);
     }
     fb_receiver_machine(b->receiver, event, &alarm, b->now_us, b->actions);
 }
@@ -122,6 +125,7 @@ void bus_execute_line(Bus *b)
     g_byte_array_append(b->executed, (const guint8 *)line, (guint)length);
     b->next += length;
     b->progress.executed_blocks++;
+    b->progress.line++;
     b->progress.gate += b->next == bus_gates()[b->progress.gate];
     fb_receiver_progress(b->receiver, &b->progress);
     if (b->progress.gate == BUS_GATES) {
@@ -138,6 +142,7 @@ static void start_machine(Bus *b, uint32_t gate)
     b->on = true;
     b->stops = b->stops_at_gate = b->aborts = false;
     b->progress.gate = gate;
+    b->progress.line = gate * (BUS_LINES / BUS_GATES) + 1;
     b->next = gate > 0 ? bus_gates()[gate - 1] : 0;
     go_on(b);
 }

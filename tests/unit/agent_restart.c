@@ -275,7 +275,7 @@ static void ended(void)
     };
     for (size_t i = 0; i < G_N_ELEMENTS(ends); i++) {
         g_autoptr(GError) why = NULL;
-        g_assert_cmpint(agent_run_ended(&ends[i].status, 9, 4, &why), ==, ends[i].ended);
+        g_assert_cmpint(fb_run_ended(&ends[i].status, 9, 4, &why), ==, ends[i].ended);
         g_assert_cmpint(why ? why->code : -1, ==, ends[i].code);
     }
 }

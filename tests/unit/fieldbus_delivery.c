@@ -184,9 +184,12 @@ static void how_a_run_ends(void)
             start_run(b);
             for (int turn = 0; turn < turns; turn++)
                 bus_turn(b);
+            g_autofree char *line = g_strdup_printf("in line %u", b->progress.line);
             bus_machine_event(b, cases[c].event);
             bus_act(b);
             g_assert_true(bus_run(b, BUS_WORK, FB_TASK_RUN));
+            g_assert_cmpuint(bus_status(b).line, ==, 0);
+            g_assert_nonnull(strstr(message(b), line));
             if (!g_error_matches(agent(b)->error, FB_ERROR, (int)cases[c].error))
                 g_test_message("%s, event %d after %d turns", bus_setup_name(&b->setup),
                                (int)cases[c].event, turns);
