@@ -15,12 +15,6 @@ typedef struct {
     double a, b;
 } Vec2;
 
-static const NcWord *arc_word(const NcBlock *block)
-{
-    const NcWord *word = block->g_word[NC_G_MOTION];
-    return word ? word : &block->words[0];
-}
-
 /* A positive R is the arc of at most half a turn, a negative one the larger. */
 static bool centre_from_radius(const NcBlock *block, const NcModal *modal, Vec2 from, Vec2 to,
                                Vec2 *centre, GError **error)
@@ -52,7 +46,7 @@ static bool centre_from_offsets(const NcBlock *block, const NcModal *modal, Vec2
                                 GError **error)
 {
     if (modal->arc_absolute && (!a || !b)) {
-        return nc_word_error(error, modal->line, arc_word(block),
+        return nc_word_error(error, modal->line, nc_motion_word(block),
                              "needs both centre coordinates with G90.1");
     }
     Vec2 base = modal->arc_absolute ? shift : from;
@@ -64,10 +58,11 @@ static bool centre_from_offsets(const NcBlock *block, const NcModal *modal, Vec2
     double tolerance =
         modal->unit_mm > 1.0 ? RADIUS_TOLERANCE_INCH * NC_MM_PER_INCH : RADIUS_TOLERANCE_MM;
     if (MIN(r_from, r_to) < SMALLEST_RADIUS_MM)
-        return nc_word_error(error, modal->line, arc_word(block), "has an arc of radius zero");
+        return nc_word_error(error, modal->line, nc_motion_word(block),
+                             "has an arc of radius zero");
     if (difference > RADIUS_TOLERANCE_LARGEST * tolerance ||
         (difference > tolerance && difference > RADIUS_TOLERANCE_RELATIVE * largest)) {
-        return nc_word_error(error, modal->line, arc_word(block),
+        return nc_word_error(error, modal->line, nc_motion_word(block),
                              "has an arc whose radius is %.5f mm at its start and %.5f mm at its "
                              "end: correct the centre or the end point",
                              r_from, r_to);
@@ -89,14 +84,14 @@ bool nc_arc_centre(const NcBlock *block, const NcModal *modal, SegVec3 from, Seg
                              modal->plane);
     }
     if (r ? (a || b) : !(a || b)) {
-        return nc_word_error(error, modal->line, r ? r : arc_word(block),
+        return nc_word_error(error, modal->line, r ? r : nc_motion_word(block),
                              r ? "cannot stand with I, J or K in plane G%d: an arc has one of them"
                                : "needs a centre (I, J, K) or a radius (R) in plane G%d",
                              modal->plane);
     }
     if (r && !end_a && !end_b) {
-        return nc_word_error(error, modal->line, arc_word(block), "needs an end point in plane G%d",
-                             modal->plane);
+        return nc_word_error(error, modal->line, nc_motion_word(block),
+                             "needs an end point in plane G%d", modal->plane);
     }
     Vec2 from2 = {*nc_axis(&from, axes.first), *nc_axis(&from, axes.second)};
     Vec2 to2 = {*nc_axis(&to, axes.first), *nc_axis(&to, axes.second)};

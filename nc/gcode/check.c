@@ -29,7 +29,18 @@ static int g_group(int code)
     case 10:
     case 20:
     case 30:
+    case 730:
+    case 810:
+    case 820:
+    case 830:
+    case 840:
+    case 850:
+    case 860:
+    case 890:
         return NC_G_MOTION;
+    case 980:
+    case 990:
+        return NC_G_RETRACT;
     case 800:
         return NC_G_CANCEL;
     case 40:
@@ -233,26 +244,31 @@ static bool check_users(const NcBlock *block, uint32_t line, GError **error)
 {
     bool arc = is_arc(block->motion), dwell = block->g[NC_G_NON_MODAL] == 40;
     bool data = block->g[NC_G_NON_MODAL] == 100;
+    bool cycle = nc_is_cycle(block->motion);
+    bool waits = block->motion == 820 || block->motion == 840 || block->motion == 860 ||
+                 block->motion == 890;
+    bool pecks = block->motion == 730 || block->motion == 830;
     bool blend = block->g[NC_G_CONTROL] == 640, offset = block->g[NC_G_TOOL] == 430;
     const struct {
         char letter;
         bool used;
         const char *users;
-    } words[] = {{'H', offset, "G43"},
-                 {'I', arc, "G2 or G3"},
-                 {'J', arc, "G2 or G3"},
-                 {'K', arc, "G2 or G3"},
-                 {'L', data, "G10"},
-                 {'R', arc || data, "G2, G3 or G10"},
-                 {'P', arc || dwell || blend || data, "G2, G3, G4, G10 or G64"},
-                 {'Q', blend, "G64"}};
+    } words[] = {
+        {'H', offset, "G43"},
+        {'I', arc, "G2 or G3"},
+        {'J', arc, "G2 or G3"},
+        {'K', arc, "G2 or G3"},
+        {'L', data || cycle, "G10 or a canned cycle"},
+        {'R', arc || data || cycle, "G2, G3, G10 or a canned cycle"},
+        {'P', arc || dwell || blend || data || waits, "G2, G3, G4, G10, G64, G82, G84, G86 or G89"},
+        {'Q', blend || pecks, "G64, G73 or G83"}};
     for (size_t i = 0; i < G_N_ELEMENTS(words); i++) {
         const NcWord *word = nc_word(block, words[i].letter);
         if (word && !words[i].used)
             return nc_word_error(error, line, word, "needs %s in the same block", words[i].users);
     }
     const NcWord *p = nc_word(block, 'P');
-    if (p && arc + dwell + blend + data > 1) {
+    if (p && arc + dwell + blend + data + waits > 1) {
         return nc_word_error(error, line, p,
                              "could belong to two of the block's G words: give them a block each");
     }
@@ -271,15 +287,18 @@ static bool check_users(const NcBlock *block, uint32_t line, GError **error)
 
 static bool check_values(const NcBlock *block, uint32_t line, GError **error)
 {
-    for (const char *letter = "FHNSTPQ"; *letter; letter++) {
+    for (const char *letter = "FHLNSTPQ"; *letter; letter++) {
         const NcWord *word = nc_word(block, *letter);
         if (!word)
             continue;
         if (word->value < 0.0)
             return nc_word_error(error, line, word, "must not be negative");
-        bool whole = *letter == 'H' || *letter == 'T' || (*letter == 'P' && is_arc(block->motion));
+        bool whole = *letter == 'H' || *letter == 'T' || *letter == 'L' ||
+                     (*letter == 'P' && is_arc(block->motion));
         if (whole && (word->value != floor(word->value) || word->value > 99999.0))
             return nc_word_error(error, line, word, "must be a whole number up to 99999");
+        if (*letter == 'L' && word->value < 1.0)
+            return nc_word_error(error, line, word, "must be at least 1");
         if (*letter == 'P' && is_arc(block->motion) && word->value < 1.0)
             return nc_word_error(error, line, word, "must be at least one turn");
     }
@@ -297,6 +316,8 @@ static bool check_motion(const NcBlock *block, const NcModal *modal, uint32_t li
         if (distance == 910 || (distance < 0 && modal->incremental))
             return nc_word_error(error, line, g53, "cannot be used with G91: add G90");
     }
+    if (nc_is_cycle(block->motion) && !axis_word(block))
+        return nc_word_error(error, line, nc_motion_word(block), "needs an axis word");
     double feed = nc_word(block, 'F') ? nc_word(block, 'F')->value : modal->feed_mm_min;
     if (block->motion > 0 && !(feed > 0.0)) {
         return nc_word_error(error, line, word ? word : &block->words[0],

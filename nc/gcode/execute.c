@@ -179,10 +179,16 @@ static bool set_modes(NcExecution *x, GError **error)
         modal->incremental = g[NC_G_DISTANCE] == 910;
     if (g[NC_G_ARC] >= 0)
         modal->arc_absolute = g[NC_G_ARC] == 901;
+    if (g[NC_G_RETRACT] >= 0)
+        modal->retract_r = g[NC_G_RETRACT] == 990;
     if (g[NC_G_MOTION] >= 0)
         modal->motion = g[NC_G_MOTION];
     else if (g[NC_G_CANCEL] >= 0)
         modal->motion = 800;
+    if (!nc_is_cycle(modal->motion)) {
+        modal->cycle.code = 0;
+        modal->cycle_level_mm = (double)NAN;
+    }
     return true;
 }
 
@@ -220,6 +226,8 @@ static bool move(NcExecution *x, GError **error)
         straight->machine_coordinates = machine_coordinates;
         return true;
     }
+    if (nc_is_cycle(block->motion))
+        return nc_run_cycle(x, to, error);
     SegVec3 centre;
     if (!nc_arc_centre(block, modal, modal->position, to, shift, &centre, error))
         return false;

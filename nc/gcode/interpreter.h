@@ -41,7 +41,7 @@ typedef struct {
 /* Modal groups of G codes [NIST, table 4]. */
 typedef enum {
     NC_G_NON_MODAL, /* group 0: G4 G10 G28 G28.1 G30 G30.1 G52 G53 G92 … */
-    NC_G_MOTION,    /* group 1: G0 G1 G2 G3 */
+    NC_G_MOTION,    /* group 1: G0 G1 G2 G3 G73 G81 … */
     NC_G_CANCEL,    /* G80, of group 1 too; beside another of them it says nothing */
     NC_G_PLANE,     /* group 2 */
     NC_G_DISTANCE,  /* group 3: G90 G91 */
@@ -52,6 +52,7 @@ typedef enum {
     NC_G_TOOL,      /* group 8: G43 G43.1 G49 */
     NC_G_WORK,      /* group 12: G54 … G59 */
     NC_G_CONTROL,   /* group 13: G61 G61.1 G64 */
+    NC_G_RETRACT,   /* group 10: G98 G99 */
     NC_N_G_GROUPS
 } NcGGroup;
 
@@ -81,12 +82,21 @@ typedef struct {
     int motion; /* ten times the code that moves in this block; -1: none does */
 } NcBlock;
 
+/* The words of a canned cycle, which go on counting in the next blocks; NAN: not given. */
+typedef struct {
+    int code; /* ten times */
+    double bottom_mm, r_mm, peck_mm, dwell_s;
+} NcCycle;
+
 /* What a block changes, and what the next one finds. */
 typedef struct {
     SegVec3 position; /* gauge point, machine coordinates */
     SegVec3 local_mm; /* G52, G92: on top of it */
     SegVec3 work_mm;  /* the coordinate system in force, machine coordinates */
-    double unit_mm;   /* 1, or 25.4 with G20 */
+    NcCycle cycle;
+    double cycle_level_mm; /* where the cycles began, for G98, program coordinates; NAN: none is in
+                              force */
+    double unit_mm;        /* 1, or 25.4 with G20 */
     double tool_length_mm;
     double feed_mm_min;
     double speed_rpm; /* the S word */
@@ -96,6 +106,7 @@ typedef struct {
     int plane;   /* 17, 18, 19 */
     int wcs;     /* 0: G54 */
     int tool, selected_tool;
+    bool retract_r; /* G99 */
     bool incremental, arc_absolute, exact_stop, mist, flood;
     bool begun, percent_open, ended;
     int32_t region;
@@ -148,6 +159,9 @@ void nc_set_parameter(NcExecution *execution, int index, double value);
 /* Carries out what the block says of coordinate systems: G10, G52, G92 and G92.1 to G92.3. */
 bool nc_set_offsets(NcExecution *execution, GError **error);
 
+/* Carries out the canned cycle of the block over the place that its axis words name. */
+bool nc_run_cycle(NcExecution *execution, SegVec3 target, GError **error);
+
 /* Whether axis words of the block say something else than where to move. */
 bool nc_block_keeps_axes(const NcBlock *block);
 
@@ -175,6 +189,17 @@ bool nc_arc_centre(const NcBlock *block, const NcModal *modal, SegVec3 from, Seg
  * length. `word` may be NULL when the whole line is meant. Always returns false. */
 bool nc_word_error(GError **error, uint32_t line, const NcWord *word, const char *format, ...)
     G_GNUC_PRINTF(4, 5);
+
+/* For messages: the word that moves, or the block's first one where the motion goes on. */
+static inline const NcWord *nc_motion_word(const NcBlock *block)
+{
+    return block->g_word[NC_G_MOTION] ? block->g_word[NC_G_MOTION] : &block->words[0];
+}
+
+static inline bool nc_is_cycle(int motion)
+{
+    return motion == 730 || (motion > 800 && motion < 900);
+}
 
 static inline const NcWord *nc_word(const NcBlock *block, char letter)
 {

@@ -42,6 +42,8 @@ NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable 
         .tolerance_mm = INFINITY,
         .motion = 800,
         .plane = 17,
+        .retract_r = true,
+        .cycle_level_mm = (double)NAN,
     };
     return interpreter;
 }

@@ -280,8 +280,17 @@ static void entry_clear(Entry *entry)
     g_free(entry->reason);
 }
 
-/* What LinuxCNC says to it: asked just now, or as its own tests expect with its own tool table,
- * which is not ours. NULL where nobody said anything. */
+static int count_suffix(const char *folder, const char *suffix)
+{
+    g_autoptr(GDir) dir = g_dir_open(folder, 0, NULL);
+    int n = 0;
+    for (const char *name; dir && (name = g_dir_read_name(dir));)
+        n += g_str_has_suffix(name, suffix);
+    return n;
+}
+
+/* What LinuxCNC says to it: asked just now, or as its own tests expect, where that is of one
+ * program and without a tool table, which would not be ours. NULL where nobody said anything. */
 static char *answer_of(const Entry *entry, const char *path, double *tolerance)
 {
     const char *asked = g_getenv("SEGMILL_GCODE_CORPUS");
@@ -292,13 +301,12 @@ static char *answer_of(const Entry *entry, const char *path, double *tolerance)
         return g_strdup_printf("%s/%s", asked, name);
     }
     g_autofree char *folder = g_path_get_dirname(path);
-    g_autofree char *table = g_build_filename(folder, "test.tbl", NULL);
     g_autofree char *beside = g_strconcat(path, ".expected", NULL);
     *tolerance = PRINTED;
-    if (g_file_test(table, G_FILE_TEST_EXISTS))
-        return NULL;
-    return g_file_test(beside, G_FILE_TEST_EXISTS) ? g_steal_pointer(&beside)
-                                                   : g_build_filename(folder, "expected", NULL);
+    if (g_file_test(beside, G_FILE_TEST_EXISTS))
+        return g_steal_pointer(&beside);
+    bool one = count_suffix(folder, ".ngc") == 1 && count_suffix(folder, ".tbl") == 0;
+    return one ? g_build_filename(folder, "expected", NULL) : NULL;
 }
 
 static void check_entry(const Entry *entry)
