@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "fieldbus/can/agent.h"
 
-#include <errno.h>
+#include <net/if.h>
+#include <stddef.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <sys/un.h>
@@ -16,7 +17,8 @@ FbCanAgent *fb_can_agent_new_on(FbCanBus bus, const FbCanKey *key, uint16_t base
     return agent;
 }
 
-/* A name in the kernel: nobody else can have it, and it goes with its process. */
+/* A name in the kernel, that only one program at a time can have, and that goes with its process.
+ * Any user of this host can take it, and so keep agents from this bus: he gets no key by that. */
 static bool take_seat(FbCanAgent *agent, const char *interface, int number)
 {
     struct sockaddr_un name = {.sun_family = AF_UNIX};
@@ -44,10 +46,17 @@ FbCanAgent *fb_can_agent_new(const CfgTarget *target, GError **error)
                     "agent's configuration");
         return NULL;
     }
+    if (*interface == '\0' || strlen(interface) >= IFNAMSIZ) {
+        g_set_error(error, FB_ERROR, FB_ERROR_UNREACHABLE,
+                    "%s: a network interface has a name of 1 to %d bytes: can://can0",
+                    target->address, IFNAMSIZ - 1);
+        return NULL;
+    }
     if (!fb_can_key_load(&key, target->can_key, error))
         return NULL;
     g_autoptr(FbCanAgent) agent =
         fb_can_agent_new_on(fb_can_bus_new(interface), &key, (uint16_t)target->can_base, 0);
+    explicit_bzero(&key, sizeof key);
     for (int number = target->can_first; number <= target->can_last; number++)
         if (take_seat(agent, interface, number))
             return g_steal_pointer(&agent);

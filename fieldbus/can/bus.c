@@ -154,8 +154,10 @@ FbCanRead fb_can_read_frame(int file, FbCanFrame *frame)
 {
     struct can_frame raw = {0};
     const ssize_t got = read(file, &raw, sizeof raw);
-    if (got != (ssize_t)sizeof raw)
+    if (got <= 0)
         return why_not(got);
+    if (got != (ssize_t)sizeof raw)
+        return FB_CAN_READ_TORN;
     *frame = (FbCanFrame){.n = MIN(raw.len, sizeof frame->bytes)};
     if (raw.can_id & CAN_ERR_FLAG)
         frame->errors = raw.can_id & ((1 << FB_CAN_N_ERRORS) - 1);

@@ -384,6 +384,7 @@ static void free_client(void *transport)
     disconnect(c);
     close_files(c);
     fb_can_agent_unref(c->agent);
+    explicit_bzero(c, sizeof *c);
     g_free(c);
 }
 

@@ -226,14 +226,16 @@ bool fb_can_get_beat(const uint8_t *in, const FbCanKey *key, uint32_t next, FbCa
 /* ------------------------------------------------------------------------------ key */
 
 /* What the file holds, NUL-terminated; looked at after it was opened, so that it stays the one that
- * was looked at. */
+ * was looked at. A pipe that nobody writes to is not waited for. */
 static bool read_secret(const char *path, char text[FILE_MOST_BYTES], char **why)
 {
     struct stat about;
-    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    const int fd = open(path, O_RDONLY | O_NONBLOCK | O_CLOEXEC);
     ssize_t n = -1;
     if (fd >= 0 && fstat(fd, &about) == 0) {
-        if (S_ISREG(about.st_mode) && (about.st_mode & (S_IRWXG | S_IRWXO)) == 0)
+        if (!S_ISREG(about.st_mode))
+            *why = g_strdup("it is no file");
+        else if ((about.st_mode & (S_IRWXG | S_IRWXO)) == 0)
             n = read(fd, text, FILE_MOST_BYTES - 1);
         else
             *why = g_strdup("others than its owner may open it: chmod 600");

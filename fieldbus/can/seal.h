@@ -66,6 +66,12 @@ typedef struct {
  * which nobody but its owner may read. Errors: FB_ERROR_CREDENTIALS, with the file's name. */
 bool fb_can_key_load(FbCanKey *key, const char *path, GError **error);
 
+/* Whether a message says that it is a HELLO. */
+static inline bool fb_can_is_hello(const uint8_t *message, size_t n)
+{
+    return n > 0 && message[0] == FB_CAN_HELLO;
+}
+
 typedef struct {
     uint16_t version, flags;
     uint32_t session;

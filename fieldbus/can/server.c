@@ -74,12 +74,13 @@ static gboolean on_message(gint file, GIOCondition condition, gpointer data)
     (void)condition;
     Port *port = data;
     FbCanServer *s = port->server;
-    uint8_t bytes[FB_CAN_MESSAGE_BYTES + 1], nonce[FB_CAN_NONCE_BYTES];
+    uint8_t bytes[FB_CAN_MESSAGE_BYTES + 1], nonce[FB_CAN_NONCE_BYTES] = {0};
     FbCanMessage message = {port->agent, port->channel, port->fd, bytes, sizeof bytes};
     FbCanAnswer answer;
     switch (fb_can_read_message(file, bytes, &message.n)) {
     case FB_CAN_READ_DONE:
-        if (getrandom(nonce, sizeof nonce, GRND_NONBLOCK) != sizeof nonce)
+        if (fb_can_is_hello(bytes, message.n) &&
+            getrandom(nonce, sizeof nonce, GRND_NONBLOCK) != sizeof nonce)
             break; /* before the kernel has gathered any: as if it had been lost */
         fb_can_slave_message(s->slave, &message, nonce, g_get_monotonic_time(), s->actions,
                              &answer);
@@ -287,6 +288,7 @@ FbCanServer *fb_can_server_new_on(FbCanBus bus, const FbCanSlaveOptions *options
         s->ports[i].file = -1;
     s->bus = bus;
     s->slave = fb_can_slave_new(&with_fd, receiver);
+    explicit_bzero(&with_fd, sizeof with_fd);
     s->base = options->base;
     s->agents = options->agents;
     s->receiver = receiver;
@@ -308,8 +310,10 @@ FbCanServer *fb_can_server_new(const FbCanOptions *options, FbReceiver *receiver
     FbCanSlaveOptions slave = {.base = options->base, .agents = options->agents};
     if (!fb_can_key_load(&slave.key, options->key_file, error))
         return NULL;
-    return fb_can_server_new_on(fb_can_bus_new(options->interface), &slave, receiver, act, data,
-                                context, error);
+    FbCanServer *s = fb_can_server_new_on(fb_can_bus_new(options->interface), &slave, receiver, act,
+                                          data, context, error);
+    explicit_bzero(&slave, sizeof slave);
+    return s;
 }
 
 FbCanCounts fb_can_server_counts(const FbCanServer *s)

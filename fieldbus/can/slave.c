@@ -47,7 +47,7 @@ void fb_can_slave_message(FbCanSlave *s, const FbCanMessage *m, const uint8_t *n
     answer->fd = false;
     g_assert(m->agent < s->options.agents);
     Channel *channel = &s->channels[m->agent][m->channel];
-    if (m->n > 0 && m->bytes[0] == FB_CAN_HELLO) {
+    if (fb_can_is_hello(m->bytes, m->n)) {
         welcome(s, channel, m, nonce, answer);
         return;
     }
@@ -278,5 +278,8 @@ FbCanSlave *fb_can_slave_new(const FbCanSlaveOptions *options, FbReceiver *recei
 
 void fb_can_slave_free(FbCanSlave *s)
 {
+    if (!s)
+        return;
+    explicit_bzero(s, sizeof *s);
     g_free(s);
 }

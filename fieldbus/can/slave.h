@@ -40,8 +40,8 @@ typedef struct {
     uint8_t bytes[FB_CAN_MESSAGE_BYTES];
 } FbCanAnswer;
 
-/* Steps by any message; `nonce` is FB_CAN_NONCE_BYTES that were never used before. Appends FbDo
- * values to `actions`. */
+/* Steps by any message; `nonce` is FB_CAN_NONCE_BYTES, which for a HELLO were never used before; no
+ * other message looks at them. Appends FbDo values to `actions`. */
 void fb_can_slave_message(FbCanSlave *slave, const FbCanMessage *message, const uint8_t *nonce,
                           int64_t now_us, GArray *actions, FbCanAnswer *answer);
 

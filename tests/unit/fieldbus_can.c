@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Both sides of the delivery over a CAN bus: docs/protocol.md, section 9. */
+#include <errno.h>
+
 #include "tests/unit/fieldbus_hub.h"
 
 static void assert_state(const CanCell *c, const char *state)
@@ -352,12 +354,36 @@ static void numbers(void)
     g_autoptr(FbCanAgent) third = fb_can_agent_new(&target, &error);
     g_assert_no_error(error);
     g_assert_true(third && third->number == 3);
+    static const char *const names[] = {"can://", "can://sixteen-bytes-is"};
+    for (size_t i = 0; i < G_N_ELEMENTS(names); i++) {
+        target.address = (char *)names[i];
+        g_assert_null(fb_can_agent_new(&target, &error));
+        g_assert_error(error, FB_ERROR, FB_ERROR_UNREACHABLE);
+        g_assert_nonnull(error ? strstr(error->message, names[i]) : NULL);
+        g_clear_error(&error);
+    }
+    target.address = address;
     target.can_key = NULL;
     const CfgAgent agent = {.window = 1};
     const FbSessionCallbacks callbacks = {0};
     g_assert_null(fb_session_new(&target, &agent, &callbacks, NULL, &error));
     g_assert_error(error, FB_ERROR, FB_ERROR_CREDENTIALS);
     test_folder_remove(folder);
+}
+
+/* What is no whole frame says nothing of the bus. */
+static void short_frame(void)
+{
+    int pair[2];
+    FbCanFrame frame;
+    g_assert_cmpint(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK, 0, pair), ==, 0);
+    g_assert_cmpint(send(pair[0], "short", 5, 0), ==, 5);
+    errno = ENETDOWN;
+    g_assert_cmpint(fb_can_read_frame(pair[1], &frame), ==, FB_CAN_READ_TORN);
+    g_assert_cmpint(fb_can_read_frame(pair[1], &frame), ==, FB_CAN_READ_NONE);
+    close(pair[0]);
+    g_assert_cmpint(fb_can_read_frame(pair[1], &frame), ==, FB_CAN_READ_BROKEN);
+    close(pair[1]);
 }
 
 static void add(void)
@@ -376,6 +402,7 @@ static void add(void)
     g_test_add_func("/fieldbus/can/numbers", numbers);
     g_test_add_func("/fieldbus/can/beats", beats);
     g_test_add_func("/fieldbus/can/beat-is-news", beat_is_news);
+    g_test_add_func("/fieldbus/can/short-frame", short_frame);
 }
 
 int main(int argc, char **argv)

@@ -270,6 +270,9 @@ static void key_file(void)
     g_assert_false(load(folder, "000102030405060708090a0b0c0d0e0f0", 0600, &key));
     g_assert_false(load(folder, "0x0102030405060708090a0b0c0d0e0f", 0600, &key));
     g_assert_false(load(folder, "00010203 0405060708090a0b0c0d0e0f", 0600, &key));
+    g_autofree char *pipe_path = g_build_filename(folder, "pipe", NULL);
+    g_assert_cmpint(mkfifo(pipe_path, 0600), ==, 0);
+    g_assert_false(fb_can_key_load(&key, pipe_path, NULL)); /* at once, although nobody writes */
     g_assert_false(fb_can_key_load(&key, folder, NULL));
     g_assert_false(fb_can_key_load(&key, "/no/such/file", NULL));
     test_folder_remove(folder);
