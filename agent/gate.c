@@ -34,7 +34,11 @@ bool agent_gate_read(const NcProgram *program, uint32_t number, const AgentMachi
     const NcMove *move = (const NcMove *)(void *)moves->data;
     g_autofree NcTimedMove *timed = nc_motion_plan(machine->machine, move, moves->len);
     g_autofree uint32_t *lines = agent_gate_lines(program);
-    *gate = (AgentGate){.number = number, .line = lines[number - 1], .work_offset = 54};
+    const double *home = machine->machine->tool_change_mm; /* where every program begins */
+    *gate = (AgentGate){.number = number,
+                        .line = lines[number - 1],
+                        .work_offset = 54,
+                        .position_mm = seg_vec3(home[0], home[1], home[2])};
     find_state(gate, move, moves->len, gate->line);
     find_rest(gate, move, timed, moves->len, gate->line);
     find_block(program, program->gates[number - 1], gate);
@@ -52,10 +56,8 @@ static void find_state(AgentGate *gate, const NcMove *moves, size_t n, uint32_t 
     const NcMove *before = NULL;
     for (size_t i = 0; i < n && moves[i].line < line; i++)
         before = &moves[i];
-    if (!before) {
-        gate->position_mm = moves[0].from;
+    if (!before)
         return;
-    }
     gate->tool = before->tool;
     gate->spindle_rpm = before->spindle_rpm;
     gate->mist = before->coolant_mist;

@@ -178,6 +178,37 @@ static void gate_state(void)
     g_assert_cmpfloat(gate.left_s, <, 10.0 / 900 * 60 + 2 * spindle_s + 1);
 }
 
+/* Before anything has moved, and where nothing ever does: the machine stands where it begins. */
+static void gate_before_moves(void)
+{
+    static const struct {
+        const char *text, *block;
+        uint64_t gate;
+        size_t left;
+    } programs[] = {
+        {"(nothing)\nG53 G1 X-40 F600\nM30\n", "G53 G1 X-40 F600", 10, 2},
+        {"(nothing)\nM30\n", "M30", 10, 1},
+    };
+    g_autoptr(AgentMachine) machine = agent_machine_load("config/etc/machine.ini", NULL, NULL);
+    g_assert_nonnull(machine);
+    for (size_t i = 0; machine && i < G_N_ELEMENTS(programs); i++) {
+        const uint64_t gates[] = {programs[i].gate, strlen(programs[i].text)};
+        g_autoptr(NcProgram) program = program_of(programs[i].text, gates, 2);
+        g_auto(AgentGate) gate = {0};
+        g_autoptr(GError) error = NULL;
+        if (!agent_gate_read(program, 1, machine, &gate, &error)) {
+            g_test_message("%s: %s", programs[i].text, error->message);
+            g_test_fail();
+            continue;
+        }
+        g_assert_cmpstr(gate.text, ==, programs[i].block);
+        g_assert_cmpuint(gate.left_blocks, ==, programs[i].left);
+        test_near(gate.position_mm.x, machine->machine->tool_change_mm[0], 0, 0);
+        test_near(gate.position_mm.y, machine->machine->tool_change_mm[1], 0, 0);
+        test_near(gate.position_mm.z, machine->machine->tool_change_mm[2], 0, 0);
+    }
+}
+
 /* ---------------------------------------------------------------------- record */
 
 /* Region 7 on lines 1 to 50 (2 s each), region 4 on 51 to 100 (1 s each). */
@@ -286,6 +317,7 @@ static void add(void)
     g_test_add_func("/agent/restart/kept-damaged", kept_damaged);
     g_test_add_func("/agent/restart/kept-bounded", kept_bounded);
     g_test_add_func("/agent/restart/gate-state", gate_state);
+    g_test_add_func("/agent/restart/gate-before-moves", gate_before_moves);
     g_test_add_func("/agent/restart/record-from-gate", record_from_gate);
     g_test_add_func("/agent/restart/record-joined", record_joined);
     g_test_add_func("/agent/restart/ended", ended);
