@@ -137,22 +137,65 @@ static bool show_now(const FbDelivery *d, const FbStatus *before, int64_t now_us
            s->transfer != before->transfer || now_us >= d->shown_us + SHOW_US;
 }
 
+/* What is asked for again and again, and brings nothing forward, ends the task; `what` happens to
+ * it, or NULL: it did bring the task forward. */
+static void count_damage(FbDelivery *d, const char *what)
+{
+    d->damaged = what ? d->damaged + 1 : 0;
+    if (d->busy && !d->finishing && d->damaged > DAMAGED_MOST)
+        fb_task_finish(d, g_error_new(FB_ERROR, FB_ERROR_PROTOCOL,
+                                      "the machine answers but takes nothing any more (%s; it has "
+                                      "%" G_GUINT64_FORMAT
+                                      " bytes): check the line and the machine's log",
+                                      what, d->status.received));
+}
+
+/* What was read belongs to another serial than the status: between two reads the machine changed
+ * it, which is no damage. True: look at the status, then read again. */
+static bool look_again(FbDelivery *d)
+{
+    d->must_look = true;
+    d->pages = 0;
+    count_damage(d, "what it publishes changes from read to read");
+    return d->damaged <= DAMAGED_MOST;
+}
+
+static bool take_alarm(FbDelivery *d, const FbEvent *event)
+{
+    FbStatus read = d->status;
+    if (!fb_wire_get_alarm(event->bytes, event->n, &read))
+        return false;
+    if (read.alarm_serial != d->status.alarm_serial || read.alarm_code != d->status.alarm_code)
+        return look_again(d);
+    d->status = read;
+    d->alarm_serial = read.alarm_serial;
+    if (d->task != FB_TASK_SETUP)
+        count_damage(d, NULL);
+    return true;
+}
+
+static bool take_setup(FbDelivery *d, const FbEvent *event)
+{
+    FbSetup read = d->setup;
+    const bool tools = d->answered == FB_REQUEST_TOOLS;
+    if (tools ? !fb_wire_get_tools(event->bytes, event->n, d->pages - 1, &read)
+              : !fb_wire_get_offsets(event->bytes, event->n, &read))
+        return false;
+    if (read.serial != d->status.setup_serial || (tools && read.n_tools != d->status.n_tools))
+        return look_again(d);
+    d->setup = read;
+    d->pages++;
+    return true;
+}
+
 static bool decode(FbDelivery *d, const FbEvent *event)
 {
     switch (d->answered) {
     case FB_REQUEST_ALARM:
-        if (!fb_wire_get_alarm(event->bytes, event->n, &d->status))
-            return false;
-        d->alarm_serial = d->status.alarm_serial;
-        return true;
+        return take_alarm(d, event);
     case FB_REQUEST_OFFSETS:
-        d->pages = 1;
-        return fb_wire_get_offsets(event->bytes, event->n, &d->setup);
     case FB_REQUEST_TOOLS:
-        if (!fb_wire_get_tools(event->bytes, event->n, d->pages - 1, &d->setup))
-            return false;
-        d->pages++;
-        return true;
+        return take_setup(d, event);
     case FB_REQUEST_CHUNK:
         if (event->n == FB_ACK_BYTES)
             return fb_wire_get_ack(event->bytes, event->n, &d->status);
@@ -167,19 +210,6 @@ static bool decode(FbDelivery *d, const FbEvent *event)
     if (fresh.alarm_code == 0)
         d->status.alarm_text[0] = d->status.alarm_advice[0] = 0;
     return true;
-}
-
-/* Chunks and commands that are damaged or bring nothing forward, again and again, end the task. */
-static void count_damage(FbDelivery *d, bool forward)
-{
-    d->damaged = forward ? 0 : d->damaged + 1;
-    if (d->busy && !d->finishing && d->damaged > DAMAGED_MOST)
-        fb_task_finish(
-            d, g_error_new(
-                   FB_ERROR, FB_ERROR_PROTOCOL,
-                   "the machine answers but takes nothing any more (%s at byte %" G_GUINT64_FORMAT
-                   "): check the line and the machine's log",
-                   fb_answer_name(d->status.chunk_answer), d->status.received));
 }
 
 static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbActions *out)
@@ -204,7 +234,7 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
     d->fresh = true;
     d->again_us = now_us;
     if (command) {
-        count_damage(d, !damaged);
+        count_damage(d, damaged ? fb_answer_name(s->answer) : NULL);
         if (damaged && d->finishing)
             d->leased = false; /* it will lapse */
         if (damaged || s->answer == FB_ANSWER_NONE)
@@ -212,7 +242,7 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
     } else if (d->answered == FB_REQUEST_CHUNK) {
         /* One that was lost makes all behind it gaps: together they are one damage. */
         if (!d->go_back)
-            count_damage(d, s->received > d->received);
+            count_damage(d, s->received > d->received ? NULL : fb_answer_name(s->chunk_answer));
         d->received = MAX(d->received, s->received);
         d->go_back |= s->chunk_answer != FB_ANSWER_DONE;
         /* An ACK does not say what has become of the run, or of the lease. */

@@ -309,11 +309,14 @@ static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
 static void setup_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const unsigned pages = (d->status.n_tools + FB_TOOLS_A_PAGE - 1u) / FB_TOOLS_A_PAGE;
-    if (d->pages > 0 && d->setup.serial != d->status.setup_serial) {
-        d->pages = 0;
-        d->must_look = true;
-        d->again_us = now_us;
+    if (d->status.setup_serial == 0) { /* it publishes none of this */
+        d->setup = (FbSetup){0};
+        d->setup_known = true;
+        fb_task_finish(d, NULL);
+        return;
     }
+    if (d->setup.serial != d->status.setup_serial)
+        d->pages = 0;
     if (d->pages == 0)
         fb_delivery_send_read(d, FB_REQUEST_OFFSETS, 0, now_us, out);
     else if (d->pages <= pages)

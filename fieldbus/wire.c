@@ -203,8 +203,8 @@ bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *s)
     if (n != FB_ALARM_BYTES || fb_take32(&p) != fb_wire_crc(in, FB_ALARM_BYTES - 4))
         return false;
     p = in;
-    if (fb_take16(&p) != s->alarm_serial || fb_take16(&p) != s->alarm_code)
-        return false;
+    s->alarm_serial = fb_take16(&p);
+    s->alarm_code = fb_take16(&p);
     get_text(&p, s->alarm_text);
     get_text(&p, s->alarm_advice);
     return true;
@@ -297,8 +297,9 @@ size_t fb_wire_put_tools(uint8_t *out, const FbSetup *setup, unsigned page)
 bool fb_wire_get_tools(const uint8_t *in, size_t n, unsigned page, FbSetup *setup)
 {
     const uint8_t *p = in;
-    if (!is_sealed(in, n, FB_TOOLS_BYTES) || fb_take16(&p) != setup->serial)
+    if (!is_sealed(in, n, FB_TOOLS_BYTES))
         return false;
+    setup->serial = fb_take16(&p);
     setup->n_tools = fb_take16(&p);
     if (setup->n_tools > FB_TOOLS_MOST)
         return false;

@@ -92,16 +92,16 @@ size_t fb_wire_put_beat(uint8_t *out, const FbBeat *beat);
  * and `status` is undefined on failure. */
 bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *status);
 
-/* The code, serial and texts; nothing is changed on failure, or where the serial is not that of
- * `status`. */
+/* The serial, code and texts; nothing is changed on failure. Another serial than the status' is not
+ * damage: the caller compares. */
 bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *status);
 
 /* What an ACK says, into `status`: state, epoch, transfer, received, may_send_to, chunk_answer.
  * Nothing is changed on failure. */
 bool fb_wire_get_ack(const uint8_t *in, size_t n, FbStatus *status);
 
-/* Offsets, serial and number of tools; then the pages, whose serial and number must be the same.
- * `setup` is undefined on failure. */
+/* Offsets and serial; then the pages, each with the serial and the number of tools on all pages,
+ * which the caller compares. `setup` is undefined on failure. */
 bool fb_wire_get_offsets(const uint8_t *in, size_t n, FbSetup *setup);
 bool fb_wire_get_tools(const uint8_t *in, size_t n, unsigned page, FbSetup *setup);
 

@@ -57,7 +57,8 @@ void bus_boot(Bus *b)
 
 void bus_machine_event(Bus *b, FbMachineEvent event)
 {
-    const FbAlarm alarm = {42, "Axis X beyond its travel", "Check the work offset."};
+    const FbAlarm alarm = {event == FB_MACHINE_ESTOP ? 43 : 42, "Axis X beyond its travel",
+                           "Check the work offset."};
     if (event == FB_MACHINE_COMPLETE || event == FB_MACHINE_ABORTED || event == FB_MACHINE_ALARM ||
         event == FB_MACHINE_ESTOP) {
         b->on = false;

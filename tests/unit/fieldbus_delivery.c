@@ -328,6 +328,91 @@ static void memory_untold(void)
     g_assert_false(bus_status(b).drip);
 }
 
+static void read_setup(Bus *b)
+{
+    agent(b)->ended[FB_TASK_SETUP] = false;
+    agent(b)->wake_us = b->now_us;
+    fb_delivery_read_setup(agent(b)->delivery, b->now_us);
+}
+
+static void set_setup(Bus *b, uint16_t n_tools)
+{
+    FbSetup setup = {.n_tools = n_tools, .work_offset = 54};
+    for (uint16_t i = 0; i < n_tools; i++)
+        setup.tools[i] = (FbTool){i + 1, CFG_TOOL_FLAT, 6, 0, n_tools};
+    fb_receiver_set_setup(b->receiver, &setup);
+}
+
+/* A machine that publishes neither tools nor offsets is not asked for them. */
+static void no_setup(void)
+{
+    g_autoptr(Bus) b = bus_new(&MODBUS, NULL, 0);
+    g_assert_cmpuint(bus_status(b).setup_serial, ==, 0);
+    read_setup(b);
+    g_assert_true(bus_run(b, BUS_WORK, FB_TASK_SETUP));
+    g_assert_no_error(agent(b)->error);
+    const FbSetup *setup = fb_delivery_setup(agent(b)->delivery);
+    g_assert_nonnull(setup);
+    g_assert_cmpuint(setup ? setup->serial : 1, ==, 0);
+    g_assert_cmpuint(agent(b)->frames, ==, 2); /* a connect, and a STATUS */
+}
+
+/* The setup changes at any moment between the reads: all of it is of one serial, and the link is
+ * never given up. */
+static void setup_moves(void)
+{
+    for (int turns = 0; turns < 30; turns++) {
+        g_autoptr(Bus) b = bus_new(&MODBUS, NULL, 0);
+        set_setup(b, 40);
+        read_setup(b);
+        for (int turn = 0; turn < turns; turn++)
+            bus_turn(b);
+        const bool before = agent(b)->ended[FB_TASK_SETUP];
+        set_setup(b, 30);
+        g_assert_true(bus_run(b, BUS_WORK, FB_TASK_SETUP));
+        g_assert_no_error(agent(b)->error);
+        g_assert_cmpuint(agent(b)->shown_unknown, ==, 0);
+        const FbSetup *setup = fb_delivery_setup(agent(b)->delivery);
+        g_assert_nonnull(setup);
+        for (uint16_t i = 0; setup && i < setup->n_tools; i++)
+            g_assert_cmpfloat(setup->tools[i].length_mm, ==, setup->n_tools);
+        if (setup && !before && setup->n_tools != 30)
+            g_assert_cmpuint(setup->n_tools, ==, 40); /* it was read to its end before */
+    }
+
+    /* One that changes all the time is told of. */
+    g_autoptr(Bus) b = bus_new(&MODBUS, NULL, 0);
+    set_setup(b, 40);
+    read_setup(b);
+    for (int turn = 0; turn < 10000 && !agent(b)->ended[FB_TASK_SETUP]; turn++) {
+        bus_turn(b);
+        set_setup(b, 40);
+    }
+    g_assert_true(agent(b)->ended[FB_TASK_SETUP]);
+    g_assert_error(agent(b)->error, FB_ERROR, FB_ERROR_PROTOCOL);
+    g_assert_nonnull(strstr(message(b), "changes from read to read"));
+}
+
+/* A second alarm while the first one's text is read: no break, and the text is the second one's. */
+static void alarm_moves(void)
+{
+    for (int turns = 0; turns < 12; turns++) {
+        g_autoptr(Bus) b = bus_new(&MODBUS, NULL, 0);
+        start_run(b);
+        bus_machine_event(b, FB_MACHINE_ALARM);
+        for (int turn = 0; turn < turns; turn++)
+            bus_turn(b);
+        bus_machine_event(b, FB_MACHINE_ESTOP);
+        g_assert_true(bus_run(b, BUS_WORK, FB_TASK_RUN));
+        bus_wait(b, G_USEC_PER_SEC);
+        const FbStatus *s = fb_delivery_status(agent(b)->delivery);
+        g_assert_cmpuint(agent(b)->shown_unknown, ==, 0);
+        g_assert_cmpint(s->state, ==, FB_STATE_ESTOP);
+        g_assert_cmpuint(s->alarm_serial, ==, bus_status(b).alarm_serial);
+        g_assert_cmpstr(s->alarm_text, ==, "Axis X beyond its travel");
+    }
+}
+
 /* The credit that a gate brings is used before the next beat would tell of it. */
 static void credit_is_used_at_once(void)
 {
@@ -357,6 +442,9 @@ static void add(void)
     g_test_add_func("/fieldbus/delivery/chunks-fit-their-carrier", chunks_fit_their_carrier);
     g_test_add_func("/fieldbus/delivery/releases-whatever-is-lost", releases_whatever_is_lost);
     g_test_add_func("/fieldbus/delivery/memory-untold", memory_untold);
+    g_test_add_func("/fieldbus/delivery/no-setup", no_setup);
+    g_test_add_func("/fieldbus/delivery/setup-moves", setup_moves);
+    g_test_add_func("/fieldbus/delivery/alarm-moves", alarm_moves);
     g_test_add_func("/fieldbus/delivery/credit-is-used-at-once", credit_is_used_at_once);
     g_test_add_func("/fieldbus/delivery/no-bytes-of-another-program", no_bytes_of_another_program);
 }
