@@ -5,9 +5,6 @@
 
 #include "agent/progress.h"
 
-/* Bytes of an entry of the table of gates, stored and dripping: docs/protocol.md, 2.6. */
-enum { GATE_BYTES = 8, DRIP_GATE_BYTES = 40 };
-
 static void check_tools(const AgentPreflight *flight, GArray *findings);
 static void check_offsets(const AgentPreflight *flight, GArray *findings);
 static void check_memory(const AgentPreflight *flight, GArray *findings);
@@ -232,22 +229,12 @@ static void check_offsets(const AgentPreflight *flight, GArray *findings)
 
 /* ---------------------------------------------------------------------- memory */
 
-static uint64_t longest_pass(const NcProgram *program)
-{
-    uint64_t longest = 0, from = 0;
-    for (size_t i = 0; i < program->n_gates; i++) {
-        longest = MAX(longest, program->gates[i] - from);
-        from = program->gates[i];
-    }
-    return longest;
-}
-
 static void check_memory(const AgentPreflight *flight, GArray *findings)
 {
     const NcProgram *program = flight->program;
     uint64_t memory = flight->status->memory_bytes;
-    uint64_t whole = g_bytes_get_size(program->bytes) + GATE_BYTES * program->n_gates;
-    uint64_t pass = longest_pass(program) + DRIP_GATE_BYTES * program->n_gates;
+    uint64_t whole = fb_stored_bytes(g_bytes_get_size(program->bytes), program->n_gates);
+    uint64_t pass = fb_dripped_bytes(program->gates, program->n_gates);
     bool too_large = whole > memory;
     if (memory == 0)
         return; /* the machine does not say */

@@ -206,7 +206,7 @@ static bool is_ours(const FbDelivery *d)
 
 static bool wants_drip(const FbDelivery *d)
 {
-    const uint64_t whole = g_bytes_get_size(d->program) + (uint64_t)d->open.gates * FB_GATE_BYTES;
+    const uint64_t whole = fb_stored_bytes(g_bytes_get_size(d->program), d->open.gates);
     return d->options.drip == CFG_DRIP_ALWAYS ||
            (d->options.drip == CFG_DRIP_AUTO && d->status.memory_bytes != 0 &&
             whole > d->status.memory_bytes);

@@ -124,9 +124,8 @@ static FbAnswer read_table(FbStore *s, const char **why)
     *why = gates_fault(s);
     if (*why)
         answer = FB_ANSWER_PROGRAM;
-    for (size_t i = 0; answer == FB_ANSWER_DONE && s->drip && i < n; i++)
-        if (s->gates[i] - (i > 0 ? s->gates[i - 1] : 0) > s->memory_bytes - s->table_bytes)
-            answer = FB_ANSWER_TOO_LARGE;
+    else if (s->drip && fb_dripped_bytes(s->gates, n) > s->memory_bytes)
+        answer = FB_ANSWER_TOO_LARGE;
     if (answer != FB_ANSWER_DONE) {
         g_clear_pointer(&s->gates, g_free);
         g_clear_pointer(&s->running, g_free);
