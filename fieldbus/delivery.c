@@ -12,6 +12,7 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
 static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions *out);
 static void advance(FbDelivery *d, int64_t now_us, FbActions *out);
 static void give_up(FbDelivery *d, FbActions *out);
+static void count_damage(FbDelivery *d, const char *what);
 static int64_t wake_us(const FbDelivery *d);
 
 /* When this connection, or the attempt at one, is given up. */
@@ -89,10 +90,20 @@ void fb_delivery_send_read(FbDelivery *d, FbRequestKind kind, unsigned page, int
     send_request(d, kind, now_us, out);
 }
 
+/* A machine that can be read, but breaks the connection at whatever the task asks, is not tried for
+ * ever. The beats of a run ask for nothing: it is followed all the same. */
+static void count_break(FbDelivery *d, const char *why)
+{
+    const FbRequestKind oldest = d->n_flights > 0 ? d->flights[0].kind : FB_REQUEST_STATUS;
+    if (oldest != FB_REQUEST_STATUS && (oldest != FB_REQUEST_BEAT || d->task != FB_TASK_RUN))
+        count_damage(d, why);
+}
+
 static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions *out)
 {
     if (d->link == LINK_DOWN)
         return;
+    count_break(d, why);
     g_free(d->why);
     d->why = g_strdup(why);
     if (d->fresh)
@@ -111,20 +122,23 @@ static void break_link(FbDelivery *d, const char *why, int64_t now_us, FbActions
         fb_task_end(d, out);
 }
 
+/* Why the task cannot go on, and what is not known then of the command and of the run. */
+static GError *doubt(const FbDelivery *d, FbError error, const char *what)
+{
+    const bool running = fb_task_may_run(d);
+    return g_error_new(FB_ERROR, (int)(running ? FB_ERROR_LINK_LOST : error), "%s%s%s%s%s", what,
+                       d->asking ? "; whether it did " : "",
+                       d->asking ? fb_command_name(d->order.command) : "",
+                       d->asking ? " is not known" : "",
+                       running ? "; its state is UNKNOWN, it may be running: look at it" : "");
+}
+
 static void give_up(FbDelivery *d, FbActions *out)
 {
-    if (d->finishing) {
-        fb_task_end(d, out);
-        return;
-    }
-    const bool running = fb_task_may_run(d);
-    const char *doubt = d->asking ? "; whether it did " : "";
-    fb_task_finish(
-        d, g_error_new(FB_ERROR, running ? FB_ERROR_LINK_LOST : FB_ERROR_UNREACHABLE,
-                       "the machine is not reachable (%s)%s%s%s%s", d->why ? d->why : "no answer",
-                       doubt, d->asking ? fb_command_name(d->order.command) : "",
-                       d->asking ? " is not known" : "",
-                       running ? "; its state is UNKNOWN, it may be running: look at it" : ""));
+    g_autofree char *what =
+        g_strdup_printf("the machine is not reachable (%s)", d->why ? d->why : "no answer");
+    if (!d->finishing)
+        fb_task_finish(d, doubt(d, FB_ERROR_UNREACHABLE, what));
     fb_task_end(d, out);
 }
 
@@ -142,12 +156,13 @@ static bool show_now(const FbDelivery *d, const FbStatus *before, int64_t now_us
 static void count_damage(FbDelivery *d, const char *what)
 {
     d->damaged = what ? d->damaged + 1 : 0;
-    if (d->busy && !d->finishing && d->damaged > DAMAGED_MOST)
-        fb_task_finish(d, g_error_new(FB_ERROR, FB_ERROR_PROTOCOL,
-                                      "the machine answers but takes nothing any more (%s; it has "
-                                      "%" G_GUINT64_FORMAT
-                                      " bytes): check the line and the machine's log",
-                                      what, d->status.received));
+    if (!d->busy || d->finishing || d->damaged <= DAMAGED_MOST)
+        return;
+    g_autofree char *text =
+        g_strdup_printf("the machine answers but takes nothing any more (%s; it has "
+                        "%" G_GUINT64_FORMAT " bytes): check the line and the machine's log",
+                        what, d->status.received);
+    fb_task_finish(d, doubt(d, FB_ERROR_PROTOCOL, text));
 }
 
 /* What was read belongs to another serial than the status: between two reads the machine changed
@@ -248,6 +263,9 @@ static void take_reply(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAc
         /* An ACK does not say what has become of the run, or of the lease. */
         d->must_look |= s->chunk_answer != FB_ANSWER_DONE && event->n == FB_ACK_BYTES;
         fb_task_judge_chunk(d);
+    } else if (d->transfer != 0 && s->transfer == d->transfer && s->received > d->received) {
+        count_damage(d, NULL); /* it was taken, although the answer was lost */
+        d->received = s->received;
     }
     if (d->n_flights == 0) {
         d->sent_to = 0;

@@ -163,6 +163,10 @@ static void send_request(Bus *b, unsigned agent, const FbRequest *request)
                                 ? (size_t)FB_BLOCK_BYTES
                                 : FB_CHUNK_HEADER_BYTES + FB_MODBUS_CHUNK_BYTES));
     a->most_flights = MAX(a->most_flights, a->n_flights);
+    if (b->closes[request->kind]) {
+        cut(b, agent);
+        return;
+    }
     if (spoil_request(b, fault, &f, bytes, request->n))
         return;
     post(b, f, bytes, request->n, LATENCY_US);

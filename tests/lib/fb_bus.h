@@ -84,7 +84,8 @@ typedef struct {
     BusAgent agents[BUS_N_AGENTS];
     GArray *flying; /* frames */
     uint64_t posted;
-    bool dead; /* the machine answers nobody */
+    bool dead;                        /* the machine answers nobody */
+    bool closes[FB_REQUEST_BEAT + 1]; /* it closes the connection at each request of the kind */
 
     FbReceiver *receiver;
     GArray *actions; /* of FbDo */

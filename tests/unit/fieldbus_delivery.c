@@ -413,6 +413,51 @@ static void alarm_moves(void)
     }
 }
 
+/* A machine that is read without fault but closes the connection at what the task asks for: the
+ * task ends, soon, and says so. */
+static void closes_at_every_request(void)
+{
+    static const FbRequestKind kinds[] = {FB_REQUEST_CHUNK, FB_REQUEST_COMMAND, FB_REQUEST_OFFSETS,
+                                          FB_REQUEST_TOOLS};
+    for (size_t i = 0; i < G_N_ELEMENTS(kinds); i++)
+        for (uint16_t window = 1; window <= 8; window += 7) {
+            const bool setup = kinds[i] == FB_REQUEST_OFFSETS || kinds[i] == FB_REQUEST_TOOLS;
+            g_autoptr(Bus) b =
+                bus_new(&(BusSetup){BUS_MODBUS, BUS_STORED, window, 218, false, false}, NULL, 0);
+            b->closes[kinds[i]] = true;
+            set_setup(b, 3);
+            if (setup)
+                read_setup(b);
+            else
+                bus_deliver(b);
+            g_assert_true(bus_run(b, BUS_WORK, setup ? FB_TASK_SETUP : FB_TASK_DELIVER));
+            g_assert_error(agent(b)->error, FB_ERROR, FB_ERROR_PROTOCOL);
+            g_assert_nonnull(strstr(message(b), "takes nothing any more (closed by the test"));
+            g_assert_cmpint(b->now_us, <, 10 * G_USEC_PER_SEC);
+        }
+
+    /* What is asked for on a run leaves it in doubt. */
+    static const BusSetup drip = {BUS_MODBUS, BUS_DRIP, 4, 218, false, false};
+    g_autoptr(Bus) b = bus_new(&drip, NULL, 0);
+    start_run(b);
+    b->closes[FB_REQUEST_CHUNK] = true;
+    g_assert_true(bus_run(b, BUS_WORK, FB_TASK_RUN));
+    g_assert_error(agent(b)->error, FB_ERROR, FB_ERROR_LINK_LOST);
+    g_assert_nonnull(strstr(message(b), "takes nothing any more (closed by the test"));
+}
+
+/* A run is followed although no beat is answered. */
+static void closes_at_every_beat(void)
+{
+    g_autoptr(Bus) b = bus_new(&MODBUS, NULL, 0);
+    start_run(b);
+    b->closes[FB_REQUEST_BEAT] = true;
+    g_assert_true(bus_run(b, BUS_WORK, FB_TASK_RUN) || bus_status(b).state == FB_STATE_HELD);
+    g_assert_no_error(agent(b)->error);
+    g_assert_cmpint(bus_status(b).state, ==, FB_STATE_HELD); /* nobody is heard to attend to it */
+    g_assert_false(agent(b)->ended[FB_TASK_RUN]);
+}
+
 /* The credit that a gate brings is used before the next beat would tell of it. */
 static void credit_is_used_at_once(void)
 {
@@ -445,6 +490,8 @@ static void add(void)
     g_test_add_func("/fieldbus/delivery/no-setup", no_setup);
     g_test_add_func("/fieldbus/delivery/setup-moves", setup_moves);
     g_test_add_func("/fieldbus/delivery/alarm-moves", alarm_moves);
+    g_test_add_func("/fieldbus/delivery/closes-at-every-request", closes_at_every_request);
+    g_test_add_func("/fieldbus/delivery/closes-at-every-beat", closes_at_every_beat);
     g_test_add_func("/fieldbus/delivery/credit-is-used-at-once", credit_is_used_at_once);
     g_test_add_func("/fieldbus/delivery/no-bytes-of-another-program", no_bytes_of_another_program);
 }
