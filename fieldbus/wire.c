@@ -23,11 +23,16 @@ static uint8_t *put_fixed(uint8_t *p, double v, double scale, double low, double
 
 void fb_wire_text(char *to, const char *text)
 {
+    static const char more[] = "…";
     const char *end;
     const char *from = text ? text : "";
-    g_utf8_validate_len(from, strnlen(from, FB_TEXT_BYTES - 1), &end);
+    const size_t length = strnlen(from, FB_TEXT_BYTES);
+    const bool fits = length < FB_TEXT_BYTES;
+    g_utf8_validate_len(from, fits ? length : FB_TEXT_BYTES - sizeof more, &end);
     memset(to, 0, FB_TEXT_BYTES);
     memcpy(to, from, (size_t)(end - from));
+    if (!fits)
+        memcpy(to + (end - from), more, sizeof more);
 }
 
 static uint8_t *put_text(uint8_t *p, const char *text)

@@ -111,7 +111,8 @@ FbAnswer fb_wire_get_order(const uint8_t *in, size_t n, FbOrder *order);
 FbAnswer fb_wire_get_chunk(const uint8_t *in, size_t n, FbChunk *chunk);
 FbAnswer fb_wire_get_beat(const uint8_t *in, size_t n, FbBeat *beat);
 
-/* `text` (or NULL) into FB_TEXT_BYTES: cut between characters, padded with at least one NUL. */
+/* `text` (or NULL) into FB_TEXT_BYTES, padded with at least one NUL. What is too long is cut
+ * between characters and ends in "…"; what is no UTF-8 is cut before that. */
 void fb_wire_text(char *to, const char *text);
 
 /* An entry of the table of gates; `hash` is NULL unless the program drips. */

@@ -3,7 +3,6 @@
 
 #include <gio/gio.h>
 #include <math.h>
-#include <string.h>
 
 #include "sim/alarm.h"
 #include "sim/feed.h"
@@ -34,7 +33,7 @@ struct SimMachine {
     size_t n_fed;     /* passes given to `feed` */
     unsigned refused; /* programs, at VERIFY and while they dripped */
     FbAlarm fault;    /* why a pass cannot be executed; code 0: all can. Its text is: */
-    char fault_text[FB_TEXT_BYTES];
+    char *fault_text;
 };
 
 static void act(FbDo what, void *data);
@@ -124,6 +123,7 @@ void sim_machine_free(SimMachine *machine)
     g_source_unref(machine->clock);
     fb_receiver_free(machine->receiver);
     sim_controller_free(machine->controller);
+    g_free(machine->fault_text);
     g_free(machine);
 }
 
@@ -280,26 +280,12 @@ static void feed_more(SimMachine *machine)
     sim_feed_passes(machine->feed, passes, released == n, override_in_force(machine));
 }
 
-/* An alarm's text on the wire, cut between characters where it is too long. */
-static void fit_text(const char *text, char fitted[FB_TEXT_BYTES])
-{
-    g_autofree char *valid = g_utf8_make_valid(text, -1);
-    size_t length = strlen(valid);
-    if (length >= FB_TEXT_BYTES) {
-        static const char more[] = "…";
-        char *end = g_utf8_find_prev_char(valid, valid + FB_TEXT_BYTES - sizeof more + 1);
-        length = (size_t)(end - valid);
-        g_snprintf(fitted, FB_TEXT_BYTES, "%.*s%s", (int)length, valid, more);
-    } else {
-        g_strlcpy(fitted, valid, FB_TEXT_BYTES);
-    }
-}
-
 /* Keeps why, for an alarm, now or when the gate before is reached. */
 static void refuse(SimMachine *machine, const GError *error)
 {
     SimAlarm code = (SimAlarm)error->code;
-    fit_text(error->message, machine->fault_text);
+    g_free(machine->fault_text);
+    machine->fault_text = g_utf8_make_valid(error->message, -1);
     machine->fault = (FbAlarm){
         .code = (uint16_t)code, .text = machine->fault_text, .advice = sim_alarm_advice(code)};
     machine->refused++;

@@ -477,7 +477,7 @@ static void numbers_that_do_not_fit(void)
     test_near(back.feed_mm_min, 0, 0, 0);
 }
 
-/* A text is cut between characters and always ends. */
+/* A text is cut between characters, says so, and always ends. */
 static void texts(void)
 {
     char text[FB_TEXT_BYTES];
@@ -485,11 +485,14 @@ static void texts(void)
     while (s->len < 2 * FB_TEXT_BYTES)
         g_string_append(s, "ü");
     fb_wire_text(text, s->str);
-    g_assert_cmpuint(strlen(text), ==, FB_TEXT_BYTES - 1);
-    g_assert_true(g_utf8_validate(text, -1, NULL));
-    s->str[0] = 'y';
-    fb_wire_text(text, s->str + 1);
     g_assert_cmpuint(strlen(text), ==, FB_TEXT_BYTES - 2);
+    g_assert_true(g_utf8_validate(text, -1, NULL) && g_str_has_suffix(text, "ü…"));
+    fb_wire_text(text, s->str + 1);
+    g_assert_cmpuint(strlen(text), ==, FB_TEXT_BYTES - 1);
+    g_assert_true(g_utf8_validate(text, -1, NULL) && g_str_has_suffix(text, "ü…"));
+    g_string_truncate(s, FB_TEXT_BYTES - 1); /* as long as can be */
+    fb_wire_text(text, s->str);
+    g_assert_cmpstr(text, ==, s->str);
     fb_wire_text(text, NULL);
     g_assert_cmpstr(text, ==, "");
     fb_wire_text(text, "ab\xff"
