@@ -6,6 +6,9 @@
 /* LinuxCNC: how far before the last depth G83 ends its rapid, and how far G73 goes back. */
 #define PECK_CLEARANCE_MM 0.254
 
+/* Of one block: more nobody means, and they would fill the memory. */
+#define MOST_PECKS 100000.0
+
 /* Along the plane's normal, machine coordinates. */
 typedef struct {
     int normal;
@@ -88,6 +91,16 @@ static bool find_hole(NcExecution *x, int normal, double level, Hole *hole, GErr
                                                     "has its R plane below the bottom of the hole");
 }
 
+static bool check_count(const NcExecution *x, const Hole *hole, double repeats, GError **error)
+{
+    const NcCycle *cycle = &x->modal.cycle;
+    double pecks = isnan(cycle->peck_mm) ? 1.0 : ceil((hole->r - hole->bottom) / cycle->peck_mm);
+    return repeats * fmax(pecks, 1.0) <= MOST_PECKS ||
+           nc_word_error(error, x->modal.line, nc_motion_word(x->block),
+                         "would go into the hole %.0f times: at most %.0f are read",
+                         repeats * pecks, MOST_PECKS);
+}
+
 bool nc_run_cycle(NcExecution *x, SegVec3 target, GError **error)
 {
     NcModal *modal = &x->modal;
@@ -102,7 +115,8 @@ bool nc_run_cycle(NcExecution *x, SegVec3 target, GError **error)
         modal->cycle_level_mm = here - shift;
     double begun = modal->cycle_level_mm + shift;
     double level = modal->retract_r ? here : fmax(here, begun);
-    if (!find_hole(x, axes.normal, level, &hole, error))
+    if (!find_hole(x, axes.normal, level, &hole, error) ||
+        !check_count(x, &hole, l ? l->value : 1.0, error))
         return false;
     if (level < hole.r)
         go(x, NC_MOVE_RAPID, axes.normal, level = hole.r);

@@ -31,9 +31,9 @@ typedef enum {
     NC_FLOW_CONTINUE,
 } NcFlowKind;
 
-/* LinuxCNC nests no deeper; and how many lines one structure may execute before it is taken for
- * one that never ends. */
-enum { NC_MAX_CALLS = 10, NC_MAX_FLOW_LINES = 2000000 };
+/* LinuxCNC nests no deeper; and how many lines one structure may execute, and moves make, before it
+ * is taken for one that never ends. */
+enum { NC_MAX_CALLS = 10, NC_MAX_FLOW_LINES = 2000000, NC_MAX_FLOW_MOVES = 2000000 };
 
 /* Places are indices into the lines of the same structure. */
 typedef struct {

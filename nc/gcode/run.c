@@ -9,14 +9,15 @@ typedef struct {
     const NcFlow *flow;
     NcExecution *x;
     int calls;
-    int lines; /* executed so far */
+    int lines;   /* executed so far */
+    guint moves; /* there when it began */
 } Run;
 
 static bool run_lines(Run *run, const GArray *lines, GError **error);
 
 bool nc_flow_run(const NcFlow *flow, NcExecution *x, const GArray *lines, GError **error)
 {
-    return run_lines(&(Run){flow, x, 0, 0}, lines, error);
+    return run_lines(&(Run){flow, x, 0, 0, x->moves->len}, lines, error);
 }
 
 /* What stands behind the keyword. */
@@ -240,6 +241,11 @@ static bool run_lines(Run *run, const GArray *lines, GError **error)
             return nc_word_error(error, line->line, NULL,
                                  "%d lines were executed since the O word began: does it end?",
                                  NC_MAX_FLOW_LINES);
+        }
+        if (x->moves->len - run->moves > NC_MAX_FLOW_MOVES) {
+            return nc_word_error(error, line->line, NULL,
+                                 "%d moves were made since the O word began: does it end?",
+                                 NC_MAX_FLOW_MOVES);
         }
         if (!step(run, lines, left, &at, error))
             return false;

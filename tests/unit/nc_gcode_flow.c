@@ -36,6 +36,7 @@ static void refusals(void)
         {"o1 sub\no1 endsub\no1 call 5", "line 3, column 9: the character \"5\" does not"},
         {"o1 sub\nG0 X[1/#1]\no1 endsub\no1 call", "line 2, column 7: / would divide by zero"},
         {"o1 sub\no1 call\no1 endsub\no1 call", "line 2: subroutines are called 10 deep"},
+        {"F1 G98 G17\no1 while [1]\nG81 X1 Z0 R0 L90000\no1 endwhile", "moves were made since the"},
         {"o1 while [1]\no1 endwhile", "lines were executed since the O word began"},
         {"o1 repeat [3]\nG0 X[#5420+600]\no1 endrepeat\nM2", "line 2: X would go to 1200.0000"},
         {"M2\no1 call", NULL},

@@ -152,6 +152,8 @@ static void refusals(void)
         {"F1 G82 X1 Z0 R1", "line 1, column 4: G82 needs a P word"},
         {"F1 G83 X1 Z0 R1", "line 1, column 4: G83 needs a Q word"},
         {"F1 G83 X1 Z0 R1 Q0", "line 1, column 17: Q0 must be above 0"},
+        {"F1 G83 X1 Z-99 R1 Q.0001", "line 1, column 4: G83 would go into the hole 1000000 times"},
+        {"F1 G83 X1 Z0 R1 Q.1 L99999", "line 1, column 4: G83 would go into the hole 999990"},
         {"F1 G84 X1 Z0 R1", "line 1, column 4: G84 needs the spindle turning clockwise"},
         {"F1 G86 X1 Z0 R1 P0", "line 1, column 4: G86 needs the spindle turning"},
         {"F1 G81 X1 Z0 R1 L0", "line 1, column 17: L0 must be at least 1"},
