@@ -7,6 +7,7 @@
 #include "sim/alarm.h"
 #include "sim/feed.h"
 #include "sim/setup.h"
+#include "sim/summary.h"
 
 /* How often the clock is looked at while a program runs, and while it waits for bytes. */
 #define TICK_US 5000
@@ -142,60 +143,18 @@ void sim_machine_press(SimMachine *machine, SimEventKind button)
     step_by(machine, button);
 }
 
-static void append_can(GString *text, const FbCanServer *can)
-{
-    const FbCanCounts c = fb_can_server_counts(can);
-    g_string_append_printf(
-        text,
-        "CAN: forged %" G_GUINT64_FORMAT ", replayed %" G_GUINT64_FORMAT
-        ", malformed %" G_GUINT64_FORMAT ", torn %" G_GUINT64_FORMAT ", unsent %" G_GUINT64_FORMAT
-        "\nCAN: hellos %" G_GUINT64_FORMAT ", openings %" G_GUINT64_FORMAT
-        ", breaks %" G_GUINT64_FORMAT "\nCAN: error frames:",
-        c.forged, c.replayed, c.malformed, c.torn, c.unsent, c.hellos, c.openings, c.breaks);
-    bool any = false;
-    for (unsigned i = 0; i < FB_CAN_N_ERRORS; i++) {
-        if (c.errors[i] == 0)
-            continue;
-        g_string_append_printf(text, "%s %s %" G_GUINT64_FORMAT, any ? "," : "",
-                               fb_can_error_name(i), c.errors[i]);
-        any = true;
-    }
-    g_string_append(text, any ? "\n" : " none\n");
-}
-
 char *sim_machine_summary(const SimMachine *machine)
 {
-    SimTotals totals = sim_controller_totals(machine->controller);
-    FbProgress progress = sim_controller_progress(machine->controller);
-    const uint64_t *refused = fb_receiver_counts(machine->receiver);
-    GString *text = g_string_new(NULL);
-    g_string_append_printf(text,
-                           "programs: %u started, %u completed, %u aborted, %u ended by e-stop or "
-                           "alarm, %u refused at VERIFY\n"
-                           "blocks executed: %" G_GUINT64_FORMAT "\nmachine time: %.3f s\n",
-                           totals.started, totals.completed, totals.aborted, totals.stopped,
-                           machine->refused, progress.executed_blocks, totals.machine_s);
-    g_string_append(text, "requests refused:");
-    bool any = false;
-    for (int answer = FB_ANSWER_DONE + 1; answer < FB_N_ANSWERS; answer++) {
-        if (refused[answer] == 0)
-            continue;
-        g_string_append_printf(text, "%s %s %" G_GUINT64_FORMAT, any ? "," : "",
-                               fb_answer_name((FbAnswer)answer), refused[answer]);
-        any = true;
-    }
-    g_string_append(text, any ? "\n" : " none\n");
-    uint64_t exceptions = machine->plain ? fb_modbus_server_exceptions(machine->plain) : 0;
-    if (machine->secure)
-        exceptions += fb_modbus_server_exceptions(machine->secure);
-    if (machine->plain || machine->secure)
-        g_string_append_printf(text, "Modbus exceptions: %" G_GUINT64_FORMAT "\n", exceptions);
-    if (machine->secure)
-        g_string_append_printf(text, "TLS handshakes refused: %" G_GUINT64_FORMAT "\n",
-                               fb_modbus_server_refused(machine->secure));
-    if (machine->can)
-        append_can(text, machine->can);
-    return g_string_free(text, FALSE);
+    const SimSummary summary = {
+        .totals = sim_controller_totals(machine->controller),
+        .executed_blocks = sim_controller_progress(machine->controller).executed_blocks,
+        .refused = machine->refused,
+        .answers = fb_receiver_counts(machine->receiver),
+        .plain = machine->plain,
+        .secure = machine->secure,
+        .can = machine->can,
+    };
+    return sim_summary(&summary);
 }
 
 static void act(FbDo what, void *data)
