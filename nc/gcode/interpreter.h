@@ -2,6 +2,8 @@
 /*
  * The interpreter's own structures: a line becomes words (lexer.c), words become a checked block
  * (check.c), a block is executed in RS-274's order (execute.c), arcs find their centre (arc.c).
+ * Values are parameters and expressions (expression.c, predefined.c); lines with O words wait for
+ * their end (flow.c) and run (run.c); coordinate systems: offsets.c; canned cycles: cycle.c.
  *
  * Meaning of the words: T. Kramer, F. Proctor, E. Messina, "The NIST RS274NGC Interpreter,
  * version 3", NISTIR 6556, 2000, below [NIST]; where LinuxCNC 2.9 differs, LinuxCNC is followed.
