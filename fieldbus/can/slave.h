@@ -41,7 +41,9 @@ typedef struct {
 } FbCanAnswer;
 
 /* Steps by any message; `nonce` is FB_CAN_NONCE_BYTES, which for a HELLO were never used before; no
- * other message looks at them. Appends FbDo values to `actions`. */
+ * other message looks at them. Appends FbDo values to `actions`, for after the answer: what they
+ * lead to is told by the beat, and one request is in flight, so an answer that waited for the
+ * machine would keep the next one out. On Modbus they are done first (fieldbus/modbus/slave.h). */
 void fb_can_slave_message(FbCanSlave *slave, const FbCanMessage *message, const uint8_t *nonce,
                           int64_t now_us, GArray *actions, FbCanAnswer *answer);
 

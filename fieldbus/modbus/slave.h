@@ -12,7 +12,9 @@
 
 typedef struct FbModbusSlave FbModbusSlave;
 
-/* The receiver must outlive it. `act` is called for every FbDo, before the answer is made. */
+/* The receiver must outlive it. `act` is called for every FbDo before the answer is made: a FC23
+ * reads what its writing has led to, so a VERIFY needs no second request. On CAN it is the other
+ * way round (fieldbus/can/slave.h). */
 FbModbusSlave *fb_modbus_slave_new(int unit_id, FbReceiver *receiver,
                                    void (*act)(FbDo what, void *data), void *data);
 void fb_modbus_slave_free(FbModbusSlave *slave);
