@@ -123,7 +123,7 @@ static void take_plan(SimController *c, const SimEvent *event, GArray *actions)
         sim_run_replan(c, actions);
 }
 
-/* Nobody can have seen to a machine that still brakes. */
+/* Nobody can have seen to a machine that moves. */
 static void acknowledge(SimController *c, GArray *actions)
 {
     if (c->drive.mode != SIM_STAND)

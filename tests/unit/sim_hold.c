@@ -260,6 +260,9 @@ static void emergency_stop(void)
     Rig rig;
     rig_start(&rig, 1, straight, NULL, 0);
     rig_tick(&rig, SECOND);
+    const guint told = rig.actions->len;
+    rig_do(&rig, SIM_ACKNOWLEDGE); /* of a machine that moves: nothing */
+    g_assert_cmpuint(rig.actions->len, ==, told);
     rig_do(&rig, SIM_ESTOP);
     g_assert_cmpint(rig_state(&rig), ==, FB_STATE_ESTOP);
     rig_do(&rig, SIM_ACKNOWLEDGE);
