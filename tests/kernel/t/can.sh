@@ -3,7 +3,7 @@
 # docs/protocol-can.md says; strangers change nothing; a bus that breaks is named, and used again.
 # shellcheck source=tests/kernel/can.bash
 . tests/kernel/can.bash
-judge=$PWD/tests/kernel/can_judge.py
+judge=$PWD/tests/kernel/can_judge.py noise=$PWD/tests/kernel/can_noise.py
 
 state_is() { # state_is STATE: within 10 s
     within 10 shows state "\"$1\"" || { cat "$dir/status.json" && return 1; }
@@ -87,6 +87,16 @@ delivers() {
 sees() {
     grep -Eq '140 +\[2[0-9]+\] +02 ' "$dir/sniffed" || { head -c 1500 "$dir/sniffed" && return 1; }
 }
+welcomes() { # a foreign tool has its HELLO answered
+    timeout 10 isotprecv -s 123 -d 133 "$bus" >"$dir/welcome" &
+    within 5 can_heard "$bus" isotp
+    "$noise" hello "$dir/can.key" 123 | timeout 5 isotpsend -s 123 -d 133 "$bus"
+    wait $!
+    grep -Eqx '15 01 01 00 0[01]( [0-9A-F]{2}){40} *' "$dir/welcome" || { cat "$dir/welcome" && return 1; }
+}
+takes_noise() { # whole messages of random bytes
+    said=$("$noise" "$bus" "$dir/can.key" 30000 $form) && sleep 0.5
+}
 clean() {
     cat "$dir/vcnc.out"
     grep -q 'CAN: forged 0, replayed 0, malformed 0, torn 0, unsent 0' "$dir/vcnc.out"
@@ -116,6 +126,13 @@ for bus in ${CAN_BUSES-vcan0 vcan1}; do
     ok "$bus: a foreign tool sees the chunk" sees
     stop_vcnc TERM
     ok "$bus: nothing was refused, torn or unsent" clean
+
+    switch_on $bus max
+    ok "$bus: a foreign tool is welcomed" welcomes
+    ok "$bus: 30000 random messages" takes_noise
+    stop_vcnc TERM
+    echo "# sent: $said" && sed -n 's/^CAN: forged/# counted: forged/p' "$dir/vcnc.out"
+    ok "$bus: each of them is counted, as documented" grep -qx "CAN: $said" "$dir/vcnc.out"
 
     switch_on $bus 1
     ok "$bus: hold, resume and abort by other programs" stops
