@@ -50,6 +50,8 @@ void fb_delivery_step(FbDelivery *d, const FbEvent *event, int64_t now_us, FbAct
     }
     if (d->link == LINK_DOWN && d->busy && now_us - d->lost_us >= d->options.give_up_us)
         give_up(d, out);
+    if (d->link != LINK_UP)
+        fb_task_give_way(d, out);
     if (d->link == LINK_DOWN && now_us >= d->deadline_us) {
         out->connect = true;
         d->link = LINK_CONNECTING;

@@ -82,8 +82,13 @@ void fb_delivery_deliver(FbDelivery *delivery, GBytes *program, const uint64_t *
 void fb_delivery_start(FbDelivery *delivery, int64_t now_us);
 void fb_delivery_start_stored(FbDelivery *delivery, const FbStored *stored, int64_t now_us);
 void fb_delivery_command(FbDelivery *delivery, FbCommand command, const FbArguments *arguments,
-                         int64_t now_us);
+                         int64_t asked_us, int64_t now_us); /* asked: when a person did */
 void fb_delivery_read_setup(FbDelivery *delivery, int64_t now_us);
+
+/* A stop is asked for on another delivery, or waits for this one: a START, RESTART or RESUME that
+ * the machine has not answered yet is not sent any more. As after 3 s the task then ends with what
+ * is known of it: REFUSED where it never left, LINK_LOST where its answer was lost. */
+void fb_delivery_withdraw(FbDelivery *delivery);
 bool fb_delivery_busy(const FbDelivery *delivery);
 
 void fb_delivery_step(FbDelivery *delivery, const FbEvent *event, int64_t now_us, FbActions *out);

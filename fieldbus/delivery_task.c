@@ -20,10 +20,40 @@ static bool is_answered(const FbDelivery *d)
            s->answer != FB_ANSWER_NONE;
 }
 
+/* What may set the machine in motion. */
+static bool is_mover(FbCommand command)
+{
+    return command == FB_COMMAND_START || command == FB_COMMAND_RESTART ||
+           command == FB_COMMAND_RESUME;
+}
+
+/* Long after the act, or after a stop, nobody expects the machine to move: then it is not asked to,
+ * nor asked again. */
+static bool is_late(const FbDelivery *d, FbCommand command, int64_t now_us)
+{
+    return is_mover(command) && (d->withdrawn || now_us - d->since_us > FB_MOVE_US);
+}
+
+static GError *late_error(const FbDelivery *d, FbCommand command)
+{
+    const char *why = d->withdrawn ? "a stop was asked for meanwhile"
+                                   : "more than 3 s have passed since it was asked for";
+    if (!d->asking || d->order.command != command)
+        return g_error_new(FB_ERROR, FB_ERROR_REFUSED, "%s was not sent: %s; ask again",
+                           fb_command_name(command), why);
+    return g_error_new(
+        FB_ERROR, FB_ERROR_LINK_LOST,
+        "%s was sent, its answer was lost (%s), and it is not sent again: %s; whether "
+        "the machine did it is not known: look at it",
+        fb_command_name(command), d->why ? d->why : "damaged", why);
+}
+
 void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     if (d->asking && is_answered(d))
         judge(d, now_us);
+    if (d->asking && !d->finishing && is_late(d, d->order.command, now_us))
+        fb_task_finish(d, late_error(d, d->order.command));
     if (d->finishing && d->asking && d->order.command != FB_COMMAND_RELEASE)
         d->asking = false;
     if (d->finishing && !d->asking && !must_release(d)) {
@@ -44,6 +74,22 @@ void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out)
         setup_next(d, now_us, out);
     else
         command_next(d, now_us, out);
+}
+
+void fb_delivery_withdraw(FbDelivery *d)
+{
+    d->withdrawn =
+        d->busy &&
+        (d->task == FB_TASK_RUN ? !d->started : d->task == FB_TASK_COMMAND && is_mover(d->command));
+}
+
+void fb_task_give_way(FbDelivery *d, FbActions *out)
+{
+    if (!d->busy || !d->withdrawn || d->task != FB_TASK_COMMAND)
+        return;
+    if (!d->finishing)
+        fb_task_finish(d, late_error(d, d->command));
+    fb_task_end(d, out);
 }
 
 bool fb_task_streams(const FbDelivery *d)
@@ -139,6 +185,8 @@ static bool is_stop(FbCommand command)
 static bool must_release(const FbDelivery *d)
 {
     const bool commands = d->task == FB_TASK_COMMAND;
+    if (commands && d->withdrawn)
+        return false; /* the stop waits behind it */
     const bool keeps = d->task == FB_TASK_DELIVER || (commands && d->command == FB_COMMAND_RESUME);
     return d->leased && !(commands && is_stop(d->command)) && !(keeps && !d->outcome);
 }
@@ -275,6 +323,16 @@ static void deliver_next(FbDelivery *d, int64_t now_us, FbActions *out)
     }
 }
 
+static void ask_in_time(FbDelivery *d, FbCommand command, int64_t now_us, FbActions *out)
+{
+    if (!is_late(d, command, now_us))
+        fb_delivery_ask(d, command, now_us, out);
+    else if (d->status.needs_acknowledge)
+        fb_task_finish(d, refusal(d, command, FB_ANSWER_NEEDS_ACKNOWLEDGE));
+    else
+        fb_task_finish(d, late_error(d, command));
+}
+
 static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const FbStatus *s = &d->status;
@@ -291,7 +349,7 @@ static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
     } else if (!d->started) {
         const FbCommand start =
             d->stored && d->wanted.gate > 0 ? FB_COMMAND_RESTART : FB_COMMAND_START;
-        fb_delivery_ask(d, d->leased ? start : FB_COMMAND_LEASE, now_us, out);
+        ask_in_time(d, d->leased ? start : FB_COMMAND_LEASE, now_us, out);
     } else if (fb_run_ended(s, d->epoch, d->run, &why)) {
         fb_task_finish(d, why);
     } else if (s->drip && s->received < MIN(s->length, s->may_send_to) && is_ours(d)) {
@@ -331,7 +389,7 @@ static void setup_next(FbDelivery *d, int64_t now_us, FbActions *out)
 static void command_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const bool nobody = d->status.lease_owner == 0;
-    fb_delivery_ask(d, nobody && !is_stop(d->command) ? FB_COMMAND_LEASE : d->command, now_us, out);
+    ask_in_time(d, nobody && !is_stop(d->command) ? FB_COMMAND_LEASE : d->command, now_us, out);
 }
 
 /* ---------------------------------------------------------------------- begin */
@@ -342,6 +400,7 @@ static void begin(FbDelivery *d, FbTask task, int64_t now_us)
     d->busy = true;
     d->task = task;
     d->since_us = d->again_us = now_us;
+    d->withdrawn = false;
     d->damaged = 0;
     d->farewells = 0;
     d->lapses_us = 0;
@@ -396,9 +455,10 @@ void fb_delivery_start_stored(FbDelivery *d, const FbStored *stored, int64_t now
 }
 
 void fb_delivery_command(FbDelivery *d, FbCommand command, const FbArguments *arguments,
-                         int64_t now_us)
+                         int64_t asked_us, int64_t now_us)
 {
     begin(d, FB_TASK_COMMAND, now_us);
+    d->since_us = asked_us;
     d->command = command;
     d->must_look = !is_stop(command);
     if (arguments)

@@ -8,7 +8,10 @@
 
 #include "fieldbus/delivery.h"
 
-enum { FB_AGAIN_US = 50000 }; /* asking again what is not ready yet */
+enum {
+    FB_AGAIN_US = 50000,  /* asking again what is not ready yet */
+    FB_MOVE_US = 3000000, /* START, RESTART and RESUME are sent no later behind the act */
+};
 
 typedef enum { LINK_DOWN, LINK_CONNECTING, LINK_UP } FbLink;
 
@@ -50,6 +53,7 @@ struct FbDelivery {
     FbCommand command; /* of TASK_COMMAND */
     FbArguments arguments;
     int64_t since_us;
+    bool withdrawn;      /* a stop was asked for: START, RESTART or RESUME is not sent any more */
     int64_t lapses_us;   /* the refused lease, when first looked at; 0: not yet */
     uint32_t task_epoch; /* another one ends the task; 0: none seen yet */
     bool finishing;      /* the task is over, with `outcome`, but for the release of the lease */
@@ -104,6 +108,9 @@ bool fb_task_may_run(const FbDelivery *d);
 
 /* The task is over; NULL: it succeeded. Takes the error. What is left is to release the lease. */
 void fb_task_finish(FbDelivery *d, GError *error);
+
+/* Without a link a RESUME that was withdrawn ends at once: the stop is next. */
+void fb_task_give_way(FbDelivery *d, FbActions *out);
 
 /* Tells the outcome, whatever is left. */
 void fb_task_end(FbDelivery *d, FbActions *out);

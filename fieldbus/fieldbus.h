@@ -444,11 +444,15 @@ void fb_session_read_setup(FbSession *session);
 const FbSetup *fb_session_setup(const FbSession *session); /* NULL before */
 
 /* A single command: HOLD, RESUME, ABORT, ACKNOWLEDGE, CLOSE, RELEASE, and with `arguments` (else
- * NULL) OVERRIDE, OPTIONAL_STOP; on a connection of its own,
- * so never behind a chunk. Commands are done in the order of the calls, but HOLD and ABORT go
- * before those that have not been sent. RESUME, ACKNOWLEDGE and CLOSE take the lease for their time
- * where it is free. After RESUME the machine wants beats: those of the session that started the
- * run, or, where the lease was free, of this one. */
+ * NULL) OVERRIDE, OPTIONAL_STOP; on a connection of its own, so never behind a chunk. Commands are
+ * done in the order of the calls, but HOLD and ABORT go before those that have not been sent.
+ * RESUME, ACKNOWLEDGE and CLOSE take the lease for their time where it is free. After RESUME the
+ * machine wants beats: those of the session that started the run, or, where the lease was free, of
+ * this one.
+ *
+ * What may set the machine in motion (START, RESTART, RESUME) is neither sent nor repeated later
+ * than 3 s behind the call, or behind a HOLD or ABORT that was asked for after it: it ends with
+ * REFUSED where it was not sent, LINK_LOST where its answer was lost. */
 void fb_session_command(FbSession *session, FbCommand command, const FbArguments *arguments);
 
 const FbStatus *fb_session_status(const FbSession *session);

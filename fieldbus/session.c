@@ -15,6 +15,7 @@
 typedef struct {
     FbCommand command;
     FbArguments arguments;
+    int64_t asked_us;
 } Command;
 
 struct FbSession {
@@ -58,7 +59,8 @@ static void next_command(FbSession *s)
     if (fb_delivery_busy(control) || g_queue_is_empty(&s->commands))
         return;
     g_autofree Command *next = g_queue_pop_head(&s->commands);
-    fb_delivery_command(control, next->command, &next->arguments, g_get_monotonic_time());
+    fb_delivery_command(control, next->command, &next->arguments, next->asked_us,
+                        g_get_monotonic_time());
     fb_driver_wake(s->control);
 }
 
@@ -102,13 +104,37 @@ const FbSetup *fb_session_setup(const FbSession *s)
     return fb_delivery_setup(fb_driver_delivery(s->work));
 }
 
+/* Nothing that was asked for before a stop sets the machine in motion behind it. */
+static void withdraw_movers(FbSession *s)
+{
+    FbDriver *const drivers[] = {s->work, s->control};
+    for (size_t i = 0; i < G_N_ELEMENTS(drivers); i++) {
+        fb_delivery_withdraw(fb_driver_delivery(drivers[i]));
+        fb_driver_wake(drivers[i]);
+    }
+    for (GList *link = s->commands.head, *next; link; link = next) {
+        next = link->next;
+        if (((Command *)link->data)->command != FB_COMMAND_RESUME)
+            continue;
+        g_autoptr(GError) error = g_error_new_literal(
+            FB_ERROR, FB_ERROR_REFUSED, "RESUME was not sent: a stop was asked for meanwhile");
+        g_free(link->data);
+        g_queue_delete_link(&s->commands, link);
+        tell(s, FB_TASK_COMMAND, error);
+    }
+}
+
 void fb_session_command(FbSession *s, FbCommand command, const FbArguments *arguments)
 {
+    const bool stop = command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT;
     Command *item = g_new0(Command, 1);
     item->command = command;
+    item->asked_us = g_get_monotonic_time();
     if (arguments)
         item->arguments = *arguments;
-    if (command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT)
+    if (stop)
+        withdraw_movers(s);
+    if (stop)
         g_queue_push_head(&s->commands, item);
     else
         g_queue_push_tail(&s->commands, item);

@@ -138,7 +138,7 @@ static void task(Pair *p, unsigned which)
         break;
     case 2:
         fb_delivery_command(p->delivery, (FbCommand)(1 + which / 5 % (FB_N_COMMANDS - 1)),
-                            &arguments, p->now_us);
+                            &arguments, p->now_us, p->now_us);
         break;
     case 3:
         fb_delivery_start_stored(p->delivery, &stored, p->now_us);

@@ -384,7 +384,7 @@ void bus_start(Bus *b)
 void bus_command(Bus *b, FbCommand command)
 {
     begin(b, BUS_CONTROL, FB_TASK_COMMAND);
-    fb_delivery_command(b->agents[BUS_CONTROL].delivery, command, NULL, b->now_us);
+    fb_delivery_command(b->agents[BUS_CONTROL].delivery, command, NULL, b->now_us, b->now_us);
 }
 
 /* -------------------------------------------------------------------------- time */

@@ -28,7 +28,10 @@ void work(Bus *b)
                 continue;
         }
         bus_start(b);
-        if (bus_run(b, BUS_WORK, FB_TASK_RUN) && !bus_status(b).needs_acknowledge)
+        const bool ended = bus_run(b, BUS_WORK, FB_TASK_RUN);
+        /* Who is told that it may not have started looks, and starts it. */
+        const bool again = b->starts == 0 && bus_status(b).state == FB_STATE_READY;
+        if (ended && !again && !bus_status(b).needs_acknowledge)
             return;
         if (a->lives == lives && bus_status(b).state != FB_STATE_READY)
             return;

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Both sides of the delivery over real sockets. */
+#include <stdlib.h>
+
 #include "tests/unit/fieldbus_cell.h"
 
 /* Until the delivery has ended, in whatever way; the program's end is its only gate. */
@@ -127,6 +129,38 @@ static void session_without_machine(void)
     g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 1));
     g_assert_error(c.error, FB_ERROR, FB_ERROR_UNREACHABLE);
     g_assert_cmpint(fb_session_status(c.session)->state, ==, FB_STATE_UNKNOWN);
+    close_cell(&c);
+}
+
+/* What waits to set the machine in motion is dropped for a stop, which does not wait behind it. */
+static void stop_drops_resumes(void)
+{
+    const CfgAgent agent = {
+        .reply_timeout_s = 2, .reconnect_s = 0.02, .give_up_s = 10, .heartbeat_s = 0.05};
+    Cell c;
+    open_cell(&c);
+    const FbSessionCallbacks callbacks = {on_status, on_done, &c};
+    g_autofree char *address =
+        g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(c.server));
+    fb_modbus_server_free(g_steal_pointer(&c.server));
+    c.session = fb_session_new(&(CfgTarget){.address = address, .unit_id = 1}, &agent, &callbacks,
+                               c.context, &c.error);
+    const int64_t began_us = g_get_monotonic_time();
+    fb_session_command(c.session, FB_COMMAND_RESUME, NULL);
+    fb_session_command(c.session, FB_COMMAND_RESUME, NULL);
+    turn(&c, 20);
+    g_assert_cmpint(c.done[FB_TASK_COMMAND], ==, 0);
+    fb_session_command(c.session, FB_COMMAND_HOLD, NULL);
+    for (int resume = 1; resume <= 2; resume++) {
+        g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], resume));
+        g_assert_error(c.error, FB_ERROR, FB_ERROR_REFUSED);
+        g_assert_nonnull(c.error ? strstr(c.error->message, "a stop was asked for") : NULL);
+    }
+    g_assert_cmpint(g_get_monotonic_time() - began_us, <, 5000000);
+    g_clear_error(&c.error);
+    serve(&c, (uint16_t)strtoul(strrchr(address, ':') + 1, NULL, 10));
+    g_assert_true(run_until(&c, &c.done[FB_TASK_COMMAND], 3)); /* the HOLD, of nothing */
+    g_assert_nonnull(c.error ? strstr(c.error->message, "refused HOLD") : NULL);
     close_cell(&c);
 }
 
@@ -283,6 +317,7 @@ static void add(void)
     g_test_add_func("/fieldbus/session/hold-is-never-delayed", hold_is_never_delayed);
     g_test_add_func("/fieldbus/session/crowd", crowd);
     g_test_add_func("/fieldbus/session/without-machine", session_without_machine);
+    g_test_add_func("/fieldbus/session/stop-drops-resumes", stop_drops_resumes);
     g_test_add_func("/fieldbus/session/two-agents", two_agents);
     g_test_add_func("/fieldbus/session/command-behind-a-task", command_behind_a_task);
     g_test_add_func("/fieldbus/session/same-agent-twice", same_agent_twice);
