@@ -97,7 +97,8 @@ bool fb_task_streams(const FbDelivery *d)
     const FbStatus *s = &d->status;
     const bool delivers = d->task == FB_TASK_DELIVER && s->state == FB_STATE_LOADING;
     const bool drips = d->task == FB_TASK_RUN && d->started && s->drip && s->run == d->run;
-    return d->leased && (delivers || drips) && s->transfer == d->transfer && is_ours(d);
+    return d->leased && !d->outcome && (delivers || drips) && s->transfer == d->transfer &&
+           is_ours(d);
 }
 
 void fb_task_judge_chunk(FbDelivery *d)
@@ -106,11 +107,16 @@ void fb_task_judge_chunk(FbDelivery *d)
     const bool hopeless = answer == FB_ANSWER_HASH || answer == FB_ANSWER_PROGRAM ||
                           answer == FB_ANSWER_ROLE ||
                           (answer == FB_ANSWER_TOO_LARGE && d->status.drip);
-    if (hopeless && d->busy && !d->finishing)
-        fb_task_finish(
-            d, g_error_new(FB_ERROR, FB_ERROR_REFUSED,
-                           "the machine refused the program at byte %" G_GUINT64_FORMAT ": %s. %s",
-                           d->status.received, fb_answer_name(answer), fb_answer_advice(answer)));
+    if (!hopeless || !d->busy || d->finishing || d->outcome)
+        return;
+    GError *error =
+        g_error_new(FB_ERROR, FB_ERROR_REFUSED,
+                    "the machine refused the program at byte %" G_GUINT64_FORMAT ": %s. %s",
+                    d->status.received, fb_answer_name(answer), fb_answer_advice(answer));
+    if (d->task == FB_TASK_RUN && d->started)
+        d->outcome = error; /* it still moves, up to a gate: stay with it until it stands */
+    else
+        fb_task_finish(d, error);
 }
 
 bool fb_task_may_run(const FbDelivery *d)
@@ -123,6 +129,7 @@ bool fb_task_may_run(const FbDelivery *d)
 void fb_task_finish(FbDelivery *d, GError *error)
 {
     d->finishing = true;
+    g_clear_error(&d->outcome);
     d->outcome = error;
 }
 
@@ -333,6 +340,20 @@ static void ask_in_time(FbDelivery *d, FbCommand command, int64_t now_us, FbActi
         fb_task_finish(d, late_error(d, command));
 }
 
+/* What is left of a program whose rest was refused is executed up to a gate. */
+static void refused_next(FbDelivery *d)
+{
+    const FbStatus *s = &d->status;
+    d->again_us = INT64_MAX; /* the beats follow it */
+    if (s->state != FB_STATE_HELD && !s->starving)
+        return;
+    g_autoptr(GError) refused = g_steal_pointer(&d->outcome);
+    fb_task_finish(d, g_error_new(FB_ERROR, FB_ERROR_REFUSED,
+                                  "%s The machine stands at a gate (%s) and the run is still on: "
+                                  "abort it.",
+                                  refused->message, fb_state_name(s->state)));
+}
+
 static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const FbStatus *s = &d->status;
@@ -352,6 +373,8 @@ static void run_next(FbDelivery *d, int64_t now_us, FbActions *out)
         ask_in_time(d, d->leased ? start : FB_COMMAND_LEASE, now_us, out);
     } else if (fb_run_ended(s, d->epoch, d->run, &why)) {
         fb_task_finish(d, why);
+    } else if (d->outcome) {
+        refused_next(d);
     } else if (s->drip && s->received < MIN(s->length, s->may_send_to) && is_ours(d)) {
         fb_delivery_send_chunk(d, now_us, out);
     } else if (s->drip && s->received < s->length && is_ours(d)) {

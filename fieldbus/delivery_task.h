@@ -58,7 +58,7 @@ struct FbDelivery {
     uint32_t task_epoch; /* another one ends the task; 0: none seen yet */
     bool finishing;      /* the task is over, with `outcome`, but for the release of the lease */
     unsigned farewells;  /* connections that broke meanwhile */
-    GError *outcome;
+    GError *outcome;     /* of a run that is on: why its rest was refused */
 
     GBytes *program;
     FbOpen open;

@@ -458,6 +458,36 @@ static void closes_at_every_beat(void)
     g_assert_false(agent(b)->ended[FB_TASK_RUN]);
 }
 
+/* The rest of a program that is fed is not what was announced: whoever follows the run stays with
+ * it until the machine stands, and is told that the run is still on. */
+static void rest_is_refused(void)
+{
+    static const BusSetup setups[] = {{BUS_MODBUS, BUS_DRIP, 4, 218, false, false},
+                                      {BUS_CAN, BUS_DRIP, 1, FB_CHUNK_BYTES, false, false}};
+    for (size_t i = 0; i < G_N_ELEMENTS(setups); i++) {
+        gsize n;
+        const uint8_t *bytes = g_bytes_get_data(bus_program(), &n);
+        g_autofree uint8_t *mine = g_memdup2(bytes, n);
+        g_autoptr(GBytes) program = g_bytes_new_static(mine, n);
+        g_autoptr(Bus) b = bus_new(&setups[i], NULL, 0);
+        agent(b)->wake_us = b->now_us;
+        fb_delivery_deliver(agent(b)->delivery, program, bus_gates(), BUS_GATES, b->now_us);
+        g_assert_true(bus_run(b, BUS_WORK, FB_TASK_DELIVER));
+        g_assert_no_error(agent(b)->error);
+        mine[n - 3] ^= 1; /* in the last pass, which is not on its way yet */
+        bus_start(b);
+        g_assert_true(bus_run(b, BUS_WORK, FB_TASK_RUN));
+        g_assert_error(agent(b)->error, FB_ERROR, FB_ERROR_REFUSED);
+        g_assert_nonnull(strstr(message(b), "HASH"));
+        g_assert_nonnull(strstr(message(b), "HELD) and the run is still on: abort it"));
+        g_assert_cmpint(bus_status(b).state, ==, FB_STATE_HELD);
+        g_assert_false(bus_status(b).agent_lost);
+        bus_command(b, FB_COMMAND_ABORT);
+        g_assert_true(bus_run(b, BUS_CONTROL, FB_TASK_COMMAND));
+        g_assert_no_error(b->agents[BUS_CONTROL].error);
+    }
+}
+
 /* The credit that a gate brings is used before the next beat would tell of it. */
 static void credit_is_used_at_once(void)
 {
@@ -492,6 +522,7 @@ static void add(void)
     g_test_add_func("/fieldbus/delivery/alarm-moves", alarm_moves);
     g_test_add_func("/fieldbus/delivery/closes-at-every-request", closes_at_every_request);
     g_test_add_func("/fieldbus/delivery/closes-at-every-beat", closes_at_every_beat);
+    g_test_add_func("/fieldbus/delivery/rest-is-refused", rest_is_refused);
     g_test_add_func("/fieldbus/delivery/credit-is-used-at-once", credit_is_used_at_once);
     g_test_add_func("/fieldbus/delivery/no-bytes-of-another-program", no_bytes_of_another_program);
 }
