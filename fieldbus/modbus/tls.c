@@ -273,11 +273,24 @@ ssize_t fb_tls_read(FbTlsStream *s, uint8_t *bytes, size_t n)
     return got;
 }
 
+/* Who has closed the connection may have said why before: it is still to be read. */
+static void hear_why(FbTlsStream *s)
+{
+    uint8_t last[256];
+    ssize_t got;
+    do {
+        ERR_clear_error();
+        got = judge(s, SSL_read(s->ssl, last, sizeof last));
+    } while (got > 0);
+}
+
 ssize_t fb_tls_write(FbTlsStream *s, const uint8_t *bytes, size_t n)
 {
     ERR_clear_error();
     const ssize_t put = judge(s, SSL_write(s->ssl, bytes, (int)n));
     s->write_wants_in = put == 0 && SSL_want_read(s->ssl);
+    if (put < 0)
+        hear_why(s);
     return put;
 }
 
