@@ -15,7 +15,8 @@ git clone -q . "$root/srv/segmill"
 [ -d "$data" ] && cp -r "$data" "$root/srv/shared/data"
 
 mountpoint -q "$root/proc" || mount -t proc proc "$root/proc"
-trap 'umount "$root/proc"' EXIT
+mountpoint -q "$root/dev/pts" || mount -t devpts devpts "$root/dev/pts"
+trap 'umount "$root/dev/pts" "$root/proc"' EXIT
 for command in demo check; do
     chroot "$root" /bin/sh -c "cd /srv/segmill && make $command"
 done
