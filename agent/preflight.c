@@ -213,11 +213,12 @@ static void check_offsets(const AgentPreflight *flight, GArray *findings)
     if (!flight->needs || !is_published(flight))
         return;
     for (int i = 0; i < 6; i++) {
+        if (!(flight->needs->work_offsets & 1u << i))
+            continue;
         const double *machine = flight->setup->work_offset_mm[i];
         const double *planned = flight->machine->machine->work_offset_mm[i];
-        bool used = flight->needs->work_offsets & 1u << i;
-        if (!used || (same(machine[0], planned[0]) && same(machine[1], planned[1]) &&
-                      same(machine[2], planned[2])))
+        if (same(machine[0], planned[0]) && same(machine[1], planned[1]) &&
+            same(machine[2], planned[2]))
             continue;
         add(findings, AGENT_CAUTION, "work-offset",
             "G%d is X%.4f Y%.4f Z%.4f on the machine, X%.4f Y%.4f Z%.4f in %s (more than %g mm "
