@@ -21,7 +21,8 @@ corrections=(
 
 version=$(dpkg-query -W -f '${Version}' "$package" 2>/dev/null) || version=none
 key=$({ echo "$version ${corrections[*]}"; cat "$fragment"; } | sha256sum | cut -c 1-16)
-cache=${XDG_CACHE_HOME:-$HOME/.cache}/segmill
+home=${HOME:-$(getent passwd "$(id -u)" | cut -d : -f 6)}
+cache=${XDG_CACHE_HOME:-$home/.cache}/segmill
 kernel=$cache/kernel-$key/linux
 out=$cache/kernel-$key.build
 
