@@ -26,7 +26,7 @@ static void insist_on_stop(AgentExecution *execution, const FbStatus *status)
     AgentLink *link = execution->link;
     const GError *error = link->error[FB_TASK_COMMAND];
     if (execution->stop == FB_COMMAND_NONE || !link->done[FB_TASK_COMMAND] || !error ||
-        status->state < FB_STATE_RUNNING || status->state > FB_STATE_ABORTING)
+        !fb_state_runs(status->state))
         return;
     agent_progress_note("asking again: %s", error->message);
     ask_stop(execution, execution->stop);

@@ -428,6 +428,20 @@ static void advance(FbDelivery *d, int64_t now_us, FbActions *out)
     out->more = out->request && out->request->kind == FB_REQUEST_CHUNK;
 }
 
+unsigned fb_request_register(const FbRequest *request)
+{
+    switch (request->kind) {
+    case FB_REQUEST_ALARM:
+        return FB_AT_ALARM;
+    case FB_REQUEST_OFFSETS:
+        return FB_AT_OFFSETS;
+    case FB_REQUEST_TOOLS:
+        return FB_AT_TOOLS + request->page * FB_TOOLS_PAGE_REGISTERS;
+    default:
+        return FB_AT_STATUS;
+    }
+}
+
 bool fb_delivery_busy(const FbDelivery *d)
 {
     return d->busy;

@@ -26,6 +26,9 @@ typedef struct {
     uint8_t bytes[FB_BLOCK_BYTES];
 } FbRequest;
 
+/* The first register of the block that answers it. */
+unsigned fb_request_register(const FbRequest *request);
+
 typedef enum {
     FB_EVENT_TICK,
     FB_EVENT_CONNECTED,

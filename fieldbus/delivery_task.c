@@ -149,7 +149,7 @@ static const char *advice(FbState state, FbAnswer answer)
         return "Switch it on and acknowledge at the machine.";
     if (state == FB_STATE_ALARM || state == FB_STATE_ESTOP)
         return "Mend the cause, then acknowledge at the machine.";
-    if (state >= FB_STATE_RUNNING && state <= FB_STATE_ABORTING)
+    if (fb_state_runs(state))
         return "A program is on: wait for its end, or abort it.";
     return fb_answer_advice(answer);
 }
@@ -181,12 +181,6 @@ static GError *refusal(const FbDelivery *d, FbCommand command, FbAnswer answer)
                        advice(s->state, answer), owner ? owner : "", alarm ? alarm : "");
 }
 
-/* What needs no lease, and waits for nothing. */
-static bool is_stop(FbCommand command)
-{
-    return command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT;
-}
-
 /* The lease is kept for the next task only by a delivery, and by who lets a run go on; a stop never
  * took it, and who let the run go on still has to beat. */
 static bool must_release(const FbDelivery *d)
@@ -195,7 +189,7 @@ static bool must_release(const FbDelivery *d)
     if (commands && d->withdrawn)
         return false; /* the stop waits behind it */
     const bool keeps = d->task == FB_TASK_DELIVER || (commands && d->command == FB_COMMAND_RESUME);
-    return d->leased && !(commands && is_stop(d->command)) && !(keeps && !d->outcome);
+    return d->leased && !(commands && fb_command_stops(d->command)) && !(keeps && !d->outcome);
 }
 
 /* The lease of our own earlier session is given to us when the machine has not heard of that
@@ -412,7 +406,8 @@ static void setup_next(FbDelivery *d, int64_t now_us, FbActions *out)
 static void command_next(FbDelivery *d, int64_t now_us, FbActions *out)
 {
     const bool nobody = d->status.lease_owner == 0;
-    ask_in_time(d, nobody && !is_stop(d->command) ? FB_COMMAND_LEASE : d->command, now_us, out);
+    ask_in_time(d, nobody && !fb_command_stops(d->command) ? FB_COMMAND_LEASE : d->command, now_us,
+                out);
 }
 
 /* ---------------------------------------------------------------------- begin */
@@ -483,7 +478,7 @@ void fb_delivery_command(FbDelivery *d, FbCommand command, const FbArguments *ar
     begin(d, FB_TASK_COMMAND, now_us);
     d->since_us = asked_us;
     d->command = command;
-    d->must_look = !is_stop(command);
+    d->must_look = !fb_command_stops(command);
     if (arguments)
         d->arguments = *arguments;
 }

@@ -50,6 +50,7 @@ typedef enum {
 } FbState;
 
 const char *fb_state_name(FbState state); /* "RUNNING" */
+bool fb_state_runs(FbState state);        /* RUNNING to ABORTING: a program is on */
 
 typedef enum {
     FB_COMMAND_NONE,
@@ -70,6 +71,7 @@ typedef enum {
 } FbCommand;
 
 const char *fb_command_name(FbCommand command); /* "START" */
+bool fb_command_stops(FbCommand command);       /* HOLD and ABORT: anybody's, at any time */
 
 /* What OVERRIDE and OPTIONAL_STOP say beside their name. */
 typedef struct {

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* The words for states, commands and answers, as docs/protocol.md has them. */
+/* States, commands, roles and answers as docs/protocol.md has them: their names, and which is what.
+ */
 #include "fieldbus/fieldbus.h"
 
 G_DEFINE_QUARK(fb_error, fb_error)
@@ -24,6 +25,16 @@ const char *fb_state_name(FbState state)
         [FB_STATE_UNKNOWN] = "UNKNOWN",
     };
     return (unsigned)state < FB_N_STATES ? names[state] : "reserved";
+}
+
+bool fb_state_runs(FbState state)
+{
+    return state >= FB_STATE_RUNNING && state <= FB_STATE_ABORTING;
+}
+
+bool fb_command_stops(FbCommand command)
+{
+    return command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT;
 }
 
 const char *fb_command_name(FbCommand command)

@@ -45,11 +45,6 @@ static void act(GArray *actions, FbDo what)
 
 /* ------------------------------------------------------------------- lease, agent */
 
-static bool is_run(FbState state)
-{
-    return state >= FB_STATE_RUNNING && state <= FB_STATE_ABORTING;
-}
-
 /* Lapses the lease, and does what the machine file says about a lost agent. */
 static void watch_agent(FbReceiver *r, int64_t now_us, GArray *actions)
 {
@@ -197,7 +192,7 @@ static FbAnswer override(FbReceiver *r, const FbArguments *a, GArray *actions)
         return FB_ANSWER_MALFORMED;
     /* A run that stands at 0 % would move. */
     const FbArguments *now = &r->overrides;
-    if (r->needs_acknowledge && is_run(r->state) &&
+    if (r->needs_acknowledge && fb_state_runs(r->state) &&
         (a->feed_percent > now->feed_percent || a->rapid_percent > now->rapid_percent))
         return FB_ANSWER_NEEDS_ACKNOWLEDGE;
     const bool optional_stop = r->overrides.optional_stop;
@@ -260,7 +255,7 @@ static FbState without_dripped(const FbReceiver *r, FbState next)
 /* Section 4, steps 4 to 8. */
 static FbAnswer obey(FbReceiver *r, const FbOrder *o, int64_t now_us, GArray *actions)
 {
-    const bool stop = o->command == FB_COMMAND_HOLD || o->command == FB_COMMAND_ABORT;
+    const bool stop = fb_command_stops(o->command);
     const bool names_transfer = o->command == FB_COMMAND_VERIFY || o->command == FB_COMMAND_START ||
                                 o->command == FB_COMMAND_RESUME ||
                                 o->command == FB_COMMAND_ACKNOWLEDGE ||
@@ -339,7 +334,7 @@ static void settle_verify(FbReceiver *r, FbAnswer answer)
 static bool takes_chunks(const FbReceiver *r)
 {
     return r->state == FB_STATE_LOADING ||
-           (r->store.drip && (r->state == FB_STATE_READY || is_run(r->state)));
+           (r->store.drip && (r->state == FB_STATE_READY || fb_state_runs(r->state)));
 }
 
 static FbAnswer take_chunk(FbReceiver *r, FbRole role, const uint8_t *bytes, size_t n,
@@ -361,7 +356,7 @@ static FbAnswer take_chunk(FbReceiver *r, FbRole role, const uint8_t *bytes, siz
     answer = fb_store_chunk(&r->store, &chunk);
     if (r->verified && r->store.n_released > released)
         act(actions, FB_DO_PASS);
-    if ((answer == FB_ANSWER_HASH || answer == FB_ANSWER_PROGRAM) && is_run(r->state))
+    if ((answer == FB_ANSWER_HASH || answer == FB_ANSWER_PROGRAM) && fb_state_runs(r->state))
         act(actions, FB_DO_HOLD_AT_GATE);
     return answer;
 }
@@ -377,7 +372,7 @@ static FbState state_behind_alarm(const FbReceiver *r)
 
 static void end_run(FbReceiver *r, FbRunEnd how, GArray *actions)
 {
-    if (!is_run(r->state))
+    if (!fb_state_runs(r->state))
         return;
     r->run_end = how;
     if (r->store.drip && how != FB_RUN_COMPLETE)
@@ -435,7 +430,7 @@ void fb_receiver_progress(FbReceiver *r, const FbProgress *progress)
     const uint64_t executed = MAX(r->progress.executed_blocks, progress->executed_blocks);
     r->progress = *progress;
     r->progress.executed_blocks = executed;
-    if (is_run(r->state))
+    if (fb_state_runs(r->state))
         fb_store_forget(&r->store, progress->gate);
 }
 

@@ -126,7 +126,7 @@ static void withdraw_movers(FbSession *s)
 
 void fb_session_command(FbSession *s, FbCommand command, const FbArguments *arguments)
 {
-    const bool stop = command == FB_COMMAND_HOLD || command == FB_COMMAND_ABORT;
+    const bool stop = fb_command_stops(command);
     Command *item = g_new0(Command, 1);
     item->command = command;
     item->asked_us = g_get_monotonic_time();

@@ -72,6 +72,18 @@ static uint32_t crc_around(const uint8_t *block, size_t n, size_t behind)
     return (uint32_t)crc32_z(crc32_z(0, block, n), block + n + 4, behind);
 }
 
+/* The last four bytes of a block are the CRC of those before. */
+static size_t seal(uint8_t *out, size_t n)
+{
+    fb_put32(out + n - 4, fb_wire_crc(out, n - 4));
+    return n;
+}
+
+static bool is_sealed(const uint8_t *in, size_t n, size_t expected)
+{
+    return n == expected && fb_get32(in + n - 4) == fb_wire_crc(in, n - 4);
+}
+
 /* --------------------------------------------------------------------- status, alarm */
 
 enum {
@@ -121,8 +133,7 @@ size_t fb_wire_put_status(uint8_t *out, const FbStatus *s)
     p = fb_put16(fb_put16(p, s->setup_serial), s->n_tools);
     p = fb_put64(p, s->memory_bytes);
     memset(p, 0, (size_t)(out + FB_STATUS_BYTES - p));
-    fb_put32(out + FB_STATUS_BYTES - 4, fb_wire_crc(out, FB_STATUS_BYTES - 4));
-    return FB_STATUS_BYTES;
+    return seal(out, FB_STATUS_BYTES);
 }
 
 static bool status_is_possible(const FbStatus *s)
@@ -135,10 +146,9 @@ static bool status_is_possible(const FbStatus *s)
 
 bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *s)
 {
-    const uint8_t *p = in + FB_STATUS_BYTES - 4;
-    if (n != FB_STATUS_BYTES || fb_take32(&p) != fb_wire_crc(in, FB_STATUS_BYTES - 4))
+    const uint8_t *p = in;
+    if (!is_sealed(in, n, FB_STATUS_BYTES))
         return false;
-    p = in;
     s->protocol_version = fb_take16(&p);
     s->state = (FbState)fb_take16(&p);
     s->epoch = fb_take32(&p);
@@ -197,35 +207,20 @@ bool fb_wire_get_status(const uint8_t *in, size_t n, FbStatus *s)
 size_t fb_wire_put_alarm(uint8_t *out, const FbStatus *s)
 {
     uint8_t *p = fb_put16(fb_put16(out, s->alarm_serial), s->alarm_code);
-    p = put_text(put_text(p, s->alarm_text), s->alarm_advice);
-    fb_put32(p, fb_wire_crc(out, FB_ALARM_BYTES - 4));
-    return FB_ALARM_BYTES;
+    put_text(put_text(p, s->alarm_text), s->alarm_advice);
+    return seal(out, FB_ALARM_BYTES);
 }
 
 bool fb_wire_get_alarm(const uint8_t *in, size_t n, FbStatus *s)
 {
-    const uint8_t *p = in + FB_ALARM_BYTES - 4;
-    if (n != FB_ALARM_BYTES || fb_take32(&p) != fb_wire_crc(in, FB_ALARM_BYTES - 4))
+    const uint8_t *p = in;
+    if (!is_sealed(in, n, FB_ALARM_BYTES))
         return false;
-    p = in;
     s->alarm_serial = fb_take16(&p);
     s->alarm_code = fb_take16(&p);
     get_text(&p, s->alarm_text);
     get_text(&p, s->alarm_advice);
     return true;
-}
-
-/* The last four bytes of a block are the CRC of those before. */
-static size_t seal(uint8_t *out, size_t n)
-{
-    fb_put32(out + n - 4, fb_wire_crc(out, n - 4));
-    return n;
-}
-
-static bool is_sealed(const uint8_t *in, size_t n, size_t expected)
-{
-    const uint8_t *p = in + expected - 4;
-    return n == expected && fb_take32(&p) == fb_wire_crc(in, expected - 4);
 }
 
 size_t fb_wire_put_ack(uint8_t *out, const FbStatus *s)
@@ -467,9 +462,8 @@ FbAnswer fb_wire_get_chunk(const uint8_t *in, size_t n, FbChunk *c)
 
 size_t fb_wire_put_beat(uint8_t *out, const FbBeat *b)
 {
-    uint8_t *p = fb_put32(fb_put64(fb_put32(out, b->session), b->token), b->count);
-    fb_put32(p, fb_wire_crc(out, FB_BEAT_BYTES - 4));
-    return FB_BEAT_BYTES;
+    fb_put32(fb_put64(fb_put32(out, b->session), b->token), b->count);
+    return seal(out, FB_BEAT_BYTES);
 }
 
 FbAnswer fb_wire_get_beat(const uint8_t *in, size_t n, FbBeat *b)
@@ -480,7 +474,7 @@ FbAnswer fb_wire_get_beat(const uint8_t *in, size_t n, FbBeat *b)
     b->session = fb_take32(&p);
     b->token = fb_take64(&p);
     b->count = fb_take32(&p);
-    return fb_take32(&p) == fb_wire_crc(in, FB_BEAT_BYTES - 4) ? FB_ANSWER_DONE : FB_ANSWER_CRC;
+    return is_sealed(in, n, FB_BEAT_BYTES) ? FB_ANSWER_DONE : FB_ANSWER_CRC;
 }
 
 /* -------------------------------------------------------------------------- gates */

@@ -97,16 +97,11 @@ static size_t put_message(uint8_t *out, const FbRequest *request)
     static const FbCanKind written[] = {[FB_REQUEST_COMMAND] = FB_CAN_COMMAND,
                                         [FB_REQUEST_CHUNK] = FB_CAN_CHUNK,
                                         [FB_REQUEST_BEAT] = FB_CAN_BEAT};
-    const unsigned at = request->kind == FB_REQUEST_ALARM     ? FB_AT_ALARM
-                        : request->kind == FB_REQUEST_OFFSETS ? FB_AT_OFFSETS
-                        : request->kind == FB_REQUEST_TOOLS
-                            ? FB_AT_TOOLS + request->page * FB_TOOLS_PAGE_REGISTERS
-                            : FB_AT_STATUS;
     FbChunk chunk;
     size_t n = request->n;
     if (n == 0) {
         out[0] = FB_CAN_READ;
-        fb_put16(out + 1, at);
+        fb_put16(out + 1, fb_request_register(request));
         return 3;
     }
     if (request->kind == FB_REQUEST_CHUNK &&
@@ -124,8 +119,7 @@ static bool send_stop(Client *c, const FbRequest *request, bool *sent)
     uint8_t frame[FB_CAN_FRAME_BYTES];
     if (c->channel != FB_CAN_CONTROL_CHANNEL || request->kind != FB_REQUEST_COMMAND ||
         fb_wire_get_order(request->bytes, request->n, &order) != FB_ANSWER_DONE ||
-        (order.command != FB_COMMAND_HOLD && order.command != FB_COMMAND_ABORT) ||
-        order.seq > FB_CAN_SEQ_MOST)
+        !fb_command_stops(order.command) || order.seq > FB_CAN_SEQ_MOST)
         return false;
     fb_can_put_stop(frame, order.command, order.seq, &c->keys.agent);
     c->awaited = fb_can_stop_counter(order.seq);

@@ -220,7 +220,7 @@ void fb_can_slave_stop(FbCanSlave *s, unsigned agent, const uint8_t *bytes, size
         s->counts.forged++;
     } else if (order.seq <= opening->stop_seq) {
         s->counts.replayed++;
-    } else if (order.command != FB_COMMAND_HOLD && order.command != FB_COMMAND_ABORT) {
+    } else if (!fb_command_stops(order.command)) {
         s->counts.malformed++;
     } else {
         opening->stop_seq = order.seq;

@@ -44,50 +44,30 @@ static void disconnect(void *transport);
 
 /* ------------------------------------------------------------------- requests */
 
-/* The block that the answer carries. */
-static void find_answer(const FbRequest *request, unsigned *at, size_t *n_bytes)
-{
-    switch (request->kind) {
-    case FB_REQUEST_ALARM:
-        *at = FB_AT_ALARM;
-        *n_bytes = FB_ALARM_BYTES;
-        break;
-    case FB_REQUEST_OFFSETS:
-        *at = FB_AT_OFFSETS;
-        *n_bytes = FB_OFFSETS_BYTES;
-        break;
-    case FB_REQUEST_TOOLS:
-        *at = FB_AT_TOOLS + request->page * FB_TOOLS_PAGE_REGISTERS;
-        *n_bytes = FB_TOOLS_BYTES;
-        break;
-    default:
-        *at = FB_AT_STATUS;
-        *n_bytes = FB_STATUS_BYTES;
-    }
-}
-
 static void send_request(void *transport, const FbRequest *request)
 {
     FbModbusClient *c = transport;
     static const uint16_t written[] = {[FB_REQUEST_COMMAND] = FB_AT_COMMAND,
                                        [FB_REQUEST_CHUNK] = FB_AT_CHUNK,
                                        [FB_REQUEST_BEAT] = FB_AT_BEAT};
+    static const uint8_t answers[] = {
+        [FB_REQUEST_STATUS] = FB_STATUS_BYTES,   [FB_REQUEST_ALARM] = FB_ALARM_BYTES,
+        [FB_REQUEST_OFFSETS] = FB_OFFSETS_BYTES, [FB_REQUEST_TOOLS] = FB_TOOLS_BYTES,
+        [FB_REQUEST_COMMAND] = FB_STATUS_BYTES,  [FB_REQUEST_CHUNK] = FB_STATUS_BYTES,
+        [FB_REQUEST_BEAT] = FB_STATUS_BYTES};
     uint8_t adu[FB_ADU_BYTES];
-    unsigned at;
-    size_t n_bytes;
     if (!c->mbap || c->n_flights == FB_WINDOW_MOST)
         return;
     g_assert(request->n <= FB_CHUNK_HEADER_BYTES + FB_MODBUS_CHUNK_BYTES);
-    find_answer(request, &at, &n_bytes);
     Flight *flight = &c->flights[c->n_flights++];
     *flight = (Flight){++c->transaction,
                        request->n > 0 ? MODBUS_FC_WRITE_AND_READ_REGISTERS
                                       : MODBUS_FC_READ_HOLDING_REGISTERS,
-                       n_bytes / 2};
+                       answers[request->kind] / 2};
     uint8_t *p = fb_put16(fb_put16(adu, flight->transaction), 0) + 2;
     *p++ = c->unit_id;
     *p++ = flight->function;
-    p = fb_put16(fb_put16(p, at), flight->n_read);
+    p = fb_put16(fb_put16(p, fb_request_register(request)), flight->n_read);
     if (request->n > 0) {
         p = fb_put16(fb_put16(p, written[request->kind]), request->n / 2);
         *p++ = (uint8_t)request->n;
