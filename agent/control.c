@@ -157,12 +157,10 @@ static AgentProgram *read_program(AgentLink *link)
     const FbStatus *status = fb_session_status(link->session);
     g_autoptr(GError) error = NULL;
     g_autoptr(AgentKept) kept = agent_kept_load(status->id, &error);
-    const char *file = link->target.machine_file;
-    if (kept && kept->machine_file)
-        file = kept->machine_file;
-    g_autoptr(AgentMachine) machine = NULL;
-    if (kept && file)
-        machine = agent_machine_load(file, kept->machine_file ? kept->tools_file : NULL, &error);
+    const char *tools_file = NULL;
+    const char *file =
+        kept ? agent_kept_machine_file(kept, NULL, link->target.machine_file, &tools_file) : NULL;
+    g_autoptr(AgentMachine) machine = file ? agent_machine_load(file, tools_file, &error) : NULL;
     AgentProgram *program = NULL;
     if (machine)
         program = agent_program_read(kept->program->bytes, kept->program->sha256, machine->machine,
@@ -195,11 +193,7 @@ static bool follow(const AgentOptions *options, AgentLink *link, const AgentProg
                    AgentJson *result, GError **error)
 {
     AgentFollow record;
-    AgentExecution execution = {.link = link,
-                                .follow = program ? &record : NULL,
-                                .start_us = g_get_monotonic_time(),
-                                .state = FB_N_STATES,
-                                .name = options->to};
+    AgentExecution execution = agent_execution(link, program ? &record : NULL, options->to);
     if (program) {
         agent_follow_init(&record, program);
         agent_follow_join(&record, fb_session_status(link->session));

@@ -10,6 +10,15 @@ static void show_delivery(const FbStatus *status);
 static void show_run(AgentExecution *execution, const FbStatus *status);
 static void watch(AgentExecution *execution, const FbStatus *status);
 
+AgentExecution agent_execution(AgentLink *link, AgentFollow *follow, char *name)
+{
+    return (AgentExecution){.link = link,
+                            .follow = follow,
+                            .start_us = g_get_monotonic_time(),
+                            .state = FB_N_STATES, /* told of none yet */
+                            .name = name};
+}
+
 /* Asks for a hold or an abort; what the machine says to it is seen with the next status. */
 static void ask_stop(AgentExecution *execution, FbCommand stop)
 {

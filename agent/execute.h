@@ -23,6 +23,9 @@ typedef struct {
     GSource *lost;       /* gives the machine up; NULL while it answers */
 } AgentExecution;
 
+/* Nothing asked yet; the record's clock starts. `follow` may be NULL. All three outlive it. */
+AgentExecution agent_execution(AgentLink *link, AgentFollow *follow, char *name);
+
 /* Lease, transfer, VERIFY. Ctrl-C ends it. */
 bool agent_execute_deliver(AgentExecution *execution, GBytes *program, const uint64_t *gates,
                            size_t n_gates, GError **error);

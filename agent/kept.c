@@ -63,18 +63,24 @@ AgentKept *agent_kept_load(const uint8_t id[32], GError **error)
                     cause->message);
         return NULL;
     }
-    g_autofree char *sha256 = g_compute_checksum_for_bytes(G_CHECKSUM_SHA256, bytes);
+    g_autoptr(AgentKept) kept = g_new0(AgentKept, 1);
+    kept->program = nc_program_new(bytes, NULL, 0);
+    const char *sha256 = kept->program->sha256;
     if (strcmp(sha256, name) != 0) {
         g_set_error(error, AGENT_ERROR, AGENT_ERROR_INPUT,
                     "%s is damaged: its SHA-256 is %s; send the program again", bytes_path, sha256);
         return NULL;
     }
-    g_autoptr(AgentKept) kept = g_new0(AgentKept, 1);
-    kept->program = g_new0(NcProgram, 1);
-    kept->program->bytes = g_steal_pointer(&bytes);
-    memcpy(kept->program->sha256, name, sizeof name);
     memcpy(kept->id, id, sizeof kept->id);
     return read_description(kept, ini_path, error) ? g_steal_pointer(&kept) : NULL;
+}
+
+const char *agent_kept_machine_file(const AgentKept *kept, const char *given, const char *known,
+                                    const char **tools_file)
+{
+    const bool as_sent = !given && kept->machine_file;
+    *tools_file = as_sent ? kept->tools_file : NULL;
+    return as_sent ? kept->machine_file : given ? given : known;
 }
 
 void agent_kept_free(AgentKept *kept)

@@ -29,6 +29,12 @@ AgentKept *agent_kept_load(const uint8_t id[32], GError **error);
 void agent_kept_free(AgentKept *kept);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(AgentKept, agent_kept_free)
 
+/* Where the description is that the program is read with: `given`, else the one that it was sent
+ * with, else `known`; NULL: nowhere. The tools are those it was sent with, or NULL: the
+ * description's own. */
+const char *agent_kept_machine_file(const AgentKept *kept, const char *given, const char *known,
+                                    const char **tools_file);
+
 /* An id as 64 hexadecimal digits and a NUL. */
 void agent_kept_name(const uint8_t id[32], char name[65]);
 

@@ -141,17 +141,16 @@ static bool load(const AgentOptions *options, const AgentLink *link, Restart *re
                     status->gates, n_gates);
         return false;
     }
-    const char *file = options->machine     ? options->machine
-                       : kept->machine_file ? kept->machine_file
-                                            : link->target.machine_file;
+    const char *tools_file;
+    const char *file =
+        agent_kept_machine_file(kept, options->machine, link->target.machine_file, &tools_file);
     if (!file) {
         g_set_error(error, AGENT_ERROR, AGENT_ERROR_USAGE,
                     "no description of the machine is known, and without one nobody knows what "
                     "stands at a gate: add --machine FILE");
         return false;
     }
-    bool as_sent = !options->machine && kept->machine_file;
-    restart->machine = agent_machine_load(file, as_sent ? kept->tools_file : NULL, error);
+    restart->machine = agent_machine_load(file, tools_file, error);
     if (restart->machine)
         restart->timed =
             agent_program_read(kept->program->bytes, kept->program->sha256,
@@ -276,10 +275,7 @@ static void describe(const Restart *restart, const FbStatus *status, AgentJson *
     agent_json_string(result, "coolant", coolant_name(gate));
     agent_json_integer(result, "work_offset", gate->work_offset);
     agent_json_number(result, "feed_mm_min", gate->feed_mm_min);
-    agent_json_row(result, "position_mm");
-    for (int i = 0; i < 3; i++)
-        agent_json_number(result, NULL, position_mm[i]);
-    agent_json_end(result);
+    agent_json_numbers(result, "position_mm", position_mm, 3);
     agent_json_number(result, "left_s", gate->left_s);
     agent_json_integer(result, "left_blocks", (int64_t)gate->left_blocks);
 }
@@ -336,11 +332,7 @@ static bool execute(const AgentOptions *options, AgentLink *link, const Restart 
     AgentFollow follow;
     agent_follow_init(&follow, restart->timed);
     agent_follow_begin(&follow, restart->gate.line);
-    AgentExecution execution = {.link = link,
-                                .follow = &follow,
-                                .start_us = g_get_monotonic_time(),
-                                .state = FB_N_STATES,
-                                .name = options->to};
+    AgentExecution execution = agent_execution(link, &follow, options->to);
     AgentRunReport report = {.program_sha256 = program->sha256,
                              .machine = options->to,
                              .gate = restart->gate.number,

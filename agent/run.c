@@ -95,11 +95,7 @@ static bool execute(const AgentOptions *options, const AgentJob *job, AgentJson 
         return false;
     AgentFollow follow;
     agent_follow_init(&follow, timed);
-    AgentExecution execution = {.link = link,
-                                .follow = &follow,
-                                .start_us = g_get_monotonic_time(),
-                                .state = FB_N_STATES,
-                                .name = options->to};
+    AgentExecution execution = agent_execution(link, &follow, options->to);
     AgentRunReport report = {
         .program_sha256 = program->sha256, .machine = options->to, .follow = &follow};
     agent_run_begin(&report);

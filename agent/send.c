@@ -40,19 +40,6 @@ static void load_clear(Load *load)
 }
 G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(Load, load_clear)
 
-/* Without the machine's description: the end is the one place that is known to be clear. */
-static NcProgram *bare_program(GBytes *bytes)
-{
-    NcProgram *program = g_new0(NcProgram, 1);
-    g_autofree char *sha256 = g_compute_checksum_for_bytes(G_CHECKSUM_SHA256, bytes);
-    g_strlcpy(program->sha256, sha256, sizeof program->sha256);
-    program->bytes = g_bytes_ref(bytes);
-    program->gates = g_new(uint64_t, 1);
-    program->gates[0] = g_bytes_get_size(bytes);
-    program->n_gates = 1;
-    return program;
-}
-
 static bool load_program(const AgentOptions *options, const AgentLink *link, Load *load,
                          GError **error)
 {
@@ -61,7 +48,9 @@ static bool load_program(const AgentOptions *options, const AgentLink *link, Loa
         return false;
     const char *file = options->machine ? options->machine : link->target.machine_file;
     if (!file) {
-        load->program = bare_program(bytes);
+        /* Without the machine's description the end is the one place that is known to be clear. */
+        const uint64_t end = g_bytes_get_size(bytes);
+        load->program = nc_program_new(bytes, &end, 1);
         return true;
     }
     AgentMachine *machine = load->machine = agent_machine_load(file, NULL, error);
@@ -80,11 +69,7 @@ static bool deliver(const AgentOptions *options, AgentLink *link, const Load *lo
 {
     const NcProgram *program = load->program;
     const AgentMachine *machine = load->machine;
-    AgentExecution execution = {.link = link,
-                                .follow = follow,
-                                .start_us = g_get_monotonic_time(),
-                                .state = FB_N_STATES,
-                                .name = options->to};
+    AgentExecution execution = agent_execution(link, follow, options->to);
     AgentPreflight flight = {.program = program, .needs = load->timed, .machine = machine};
     *findings = agent_preflight(link, &flight, error);
     bool ok =

@@ -58,10 +58,7 @@ static void write_status(const FbStatus *status, AgentJson *result)
     write_program(status, result);
     write_switches(status, result);
     agent_json_integer(result, "tool", status->tool);
-    agent_json_row(result, "position_mm");
-    for (int i = 0; i < 3; i++)
-        agent_json_number(result, NULL, status->position_mm[i]);
-    agent_json_end(result);
+    agent_json_numbers(result, "position_mm", status->position_mm, 3);
     agent_json_number(result, "feed_mm_min", status->feed_mm_min);
     agent_json_number(result, "spindle_rpm", status->spindle_rpm);
     if (status->alarm_code == 0) {

@@ -206,6 +206,8 @@ NcProgram *nc_program_write(const NcPlan *plan, const CfgRecipe *recipe, const C
  * program: errors as nc_read_program. */
 NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
                                  const CfgToolTable *tools, GError **error);
+/* A program of these bytes (a reference is taken) and gates (copied), with its hash. */
+NcProgram *nc_program_new(GBytes *bytes, const uint64_t *gates, size_t n_gates);
 void nc_program_free(NcProgram *program);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcProgram, nc_program_free)
 

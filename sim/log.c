@@ -47,10 +47,18 @@ bool sim_log_close(SimLog *log, GError **error)
     return good;
 }
 
-void sim_log_program(SimLog *log, const SimProgram *program)
+static void begin_program(SimLog *log, const uint8_t id[32])
 {
-    g_string_printf(log->line, "{\"program\":\"%s\",\"planned_s\":", program->sha256);
-    cfg_number_append(log->line, sim_program_duration_s(program));
+    g_string_assign(log->line, "{\"program\":\"");
+    for (int i = 0; i < 32; i++)
+        g_string_append_printf(log->line, "%02x", id[i]);
+}
+
+void sim_log_program(SimLog *log, const uint8_t id[32], double planned_s)
+{
+    begin_program(log, id);
+    g_string_append(log->line, "\",\"planned_s\":");
+    cfg_number_append(log->line, planned_s);
     g_string_append_c(log->line, '}');
     write_line(log, true);
 }
@@ -104,9 +112,7 @@ void sim_log_override(SimLog *log, NcOverride override, double time_s)
 
 void sim_log_passes(SimLog *log, const uint8_t id[32], uint32_t n_passes)
 {
-    g_string_assign(log->line, "{\"program\":\"");
-    for (int i = 0; i < 32; i++)
-        g_string_append_printf(log->line, "%02x", id[i]);
+    begin_program(log, id);
     g_string_append_printf(log->line, "\",\"passes\":%u}", n_passes);
     write_line(log, true);
 }

@@ -16,12 +16,13 @@ SimLog *sim_log_open(const char *path, GError **error);
 /* Frees the log; false with G_FILE_ERROR where a line could not be written. */
 bool sim_log_close(SimLog *log, GError **error);
 
-void sim_log_program(SimLog *log, const SimProgram *program);
+/* A stored program: its SHA-256, and how long it takes. */
+void sim_log_program(SimLog *log, const uint8_t id[32], double planned_s);
 void sim_log_refused(SimLog *log, uint16_t code, const char *text);
 void sim_log_state(SimLog *log, FbState state, double time_s);
 void sim_log_block(SimLog *log, const SimBlock *block);
 
-/* A program that drips: its SHA-256 as announced, and how many passes it has. */
+/* One that drips: its SHA-256 as announced, and how many passes it has. */
 void sim_log_passes(SimLog *log, const uint8_t id[32], uint32_t n_passes);
 
 /* A move of the way to the program. */

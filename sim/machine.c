@@ -258,14 +258,13 @@ static void load(SimMachine *machine, GPtrArray *programs)
 {
     SimLog *log = machine->options.log;
     const bool drips = fb_receiver_drips(machine->receiver);
-    if (log && drips) {
-        FbStatus status;
-        fb_receiver_status(machine->receiver, g_get_monotonic_time(), &status);
-        sim_log_passes(log, status.id, status.gates);
-    } else if (log) {
-        sim_log_program(log, g_ptr_array_index(programs, 0));
-    }
     SimProgram *whole = drips ? NULL : sim_program_ref(g_ptr_array_index(programs, 0));
+    FbStatus status;
+    fb_receiver_status(machine->receiver, g_get_monotonic_time(), &status);
+    if (log && drips)
+        sim_log_passes(log, status.id, status.gates);
+    else if (log)
+        sim_log_program(log, status.id, sim_program_duration_s(whole));
     step(machine, (SimEvent){.kind = SIM_LOAD, .program = whole});
 }
 
@@ -369,10 +368,10 @@ static void publish_setup(SimMachine *machine, int work_offset)
 /* What the receiver asks for in turn is done when it has taken the event. */
 static void tell(SimMachine *machine, FbMachineEvent event, const FbAlarm *alarm)
 {
-    g_autoptr(GArray) todo = g_array_new(FALSE, FALSE, sizeof(FbDo));
-    fb_receiver_machine(machine->receiver, event, alarm, g_get_monotonic_time(), todo);
-    for (guint i = 0; i < todo->len; i++)
-        act(g_array_index(todo, FbDo, i), machine);
+    g_autoptr(GArray) actions = g_array_new(FALSE, FALSE, sizeof(FbDo));
+    fb_receiver_machine(machine->receiver, event, alarm, g_get_monotonic_time(), actions);
+    for (guint i = 0; i < actions->len; i++)
+        act(g_array_index(actions, FbDo, i), machine);
 }
 
 /* -------------------------------------------------------------------------- clock */

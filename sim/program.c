@@ -55,8 +55,6 @@ SimProgram *sim_reader_read(SimReader *reader, GBytes *bytes, const uint64_t *ga
     program->plan = sim_plan_new(program, reader->machine, override);
     if (program->n > 0)
         reader->spindle_rpm = program->moves[program->n - 1].spindle_rpm;
-    g_autofree char *sha256 = g_compute_checksum_for_bytes(G_CHECKSUM_SHA256, bytes);
-    g_strlcpy(program->sha256, sha256, sizeof program->sha256);
     return program;
 }
 

@@ -25,8 +25,7 @@ typedef struct {
     uint32_t last_line; /* of the bytes that it was read from */
     size_t *gates;      /* number of moves before each gate, ascending */
     size_t n_gates;
-    char sha256[65]; /* of the bytes */
-    SimPlan *plan;   /* the newest; whoever executes the program may set another */
+    SimPlan *plan; /* the newest; whoever executes the program may set another */
 } SimProgram;
 
 /* Reads one program, as a whole or pass by pass, in one modal state. Not for two threads at a

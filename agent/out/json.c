@@ -113,6 +113,14 @@ void agent_json_number(AgentJson *json, const char *key, double value)
     cfg_number_append(json->out, value);
 }
 
+void agent_json_numbers(AgentJson *json, const char *key, const double *values, size_t n)
+{
+    agent_json_row(json, key);
+    for (size_t i = 0; i < n; i++)
+        agent_json_number(json, NULL, values[i]);
+    agent_json_end(json);
+}
+
 void agent_json_integer(AgentJson *json, const char *key, int64_t value)
 {
     before(json, key);

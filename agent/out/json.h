@@ -28,6 +28,8 @@ void agent_json_end(AgentJson *json);
 
 /* The shortest decimal number that reads back as the same double; null where it is not finite. */
 void agent_json_number(AgentJson *json, const char *key, double value);
+/* A row of them. */
+void agent_json_numbers(AgentJson *json, const char *key, const double *values, size_t n);
 void agent_json_integer(AgentJson *json, const char *key, int64_t value);
 void agent_json_bool(AgentJson *json, const char *key, bool value);
 

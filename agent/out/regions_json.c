@@ -45,10 +45,7 @@ static void write_region(AgentJson *json, const SegPart *part, const SegRegion *
         write_piece(json, part, &region->pieces[i]);
     agent_json_end(json);
     agent_json_number(json, "area_mm2", region->area_mm2);
-    agent_json_row(json, "feature_size_mm");
-    for (int i = 0; i < 4; i++)
-        agent_json_number(json, NULL, region->feature_size_mm[i]);
-    agent_json_end(json);
+    agent_json_numbers(json, "feature_size_mm", region->feature_size_mm, 4);
     agent_json_number(json, "min_concave_radius_mm", region->min_concave_radius_mm);
     agent_json_row(json, "neighbours");
     for (size_t i = 0; i < region->n_neighbours; i++)
@@ -60,12 +57,8 @@ static void write_region(AgentJson *json, const SegPart *part, const SegRegion *
 static void write_loop(AgentJson *json, const SegLoopPolygon *loop)
 {
     agent_json_row(json, NULL);
-    for (size_t k = 0; k < loop->n; k++) {
-        agent_json_row(json, NULL);
-        agent_json_number(json, NULL, loop->uv[k][0]);
-        agent_json_number(json, NULL, loop->uv[k][1]);
-        agent_json_end(json);
-    }
+    for (size_t k = 0; k < loop->n; k++)
+        agent_json_numbers(json, NULL, loop->uv[k], 2);
     agent_json_end(json);
 }
 

@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* A program and its gates: byte offsets where the tool has come clear of the part. */
-#include "nc/gcode/program.h"
-
 #include "nc/gcode/read.h"
 
 #include <string.h>
@@ -27,7 +25,7 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
 static void survey_structure(Survey *survey, const NcModal *modal, uint64_t end, guint first_move);
 static void find_gates(const Survey *survey, uint64_t length, GArray *gates);
 
-NcProgram *nc_program_new(GBytes *bytes, const GArray *gates)
+NcProgram *nc_program_new(GBytes *bytes, const uint64_t *gates, size_t n_gates)
 {
     gsize length;
     const guchar *data = g_bytes_get_data(bytes, &length);
@@ -35,8 +33,8 @@ NcProgram *nc_program_new(GBytes *bytes, const GArray *gates)
     g_autofree char *hash = g_compute_checksum_for_data(G_CHECKSUM_SHA256, data, length);
     memcpy(program->sha256, hash, sizeof program->sha256);
     program->bytes = g_bytes_ref(bytes);
-    program->gates = g_memdup2(gates->data, gates->len * sizeof(uint64_t));
-    program->n_gates = gates->len;
+    program->gates = g_memdup2(gates, n_gates * sizeof *gates);
+    program->n_gates = n_gates;
     return program;
 }
 
@@ -62,7 +60,7 @@ NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
         return NULL;
     g_autoptr(GArray) gates = g_array_new(FALSE, FALSE, sizeof(uint64_t));
     find_gates(&survey, length, gates);
-    return nc_program_new(bytes, gates);
+    return nc_program_new(bytes, (const uint64_t *)(void *)gates->data, gates->len);
 }
 
 static void survey_block(const NcInterpreter *interpreter, const NcBlock *block, size_t end,

@@ -10,7 +10,6 @@
  * keeps clear as well.
  */
 #include "nc/gcode/dialect.h"
-#include "nc/gcode/program.h"
 #include "nc/gcode/text.h"
 #include "nc/motion/path.h"
 
@@ -71,7 +70,7 @@ NcProgram *nc_program_write(const NcPlan *plan, const CfgRecipe *recipe, const C
     if (good) {
         write_end(&w);
         g_autoptr(GBytes) bytes = nc_text_steal(&w.text);
-        program = nc_program_new(bytes, w.gates);
+        program = nc_program_new(bytes, (const uint64_t *)(void *)w.gates->data, w.gates->len);
     }
     nc_text_clear(&w.text);
     g_array_unref(w.gates);

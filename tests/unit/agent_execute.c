@@ -88,7 +88,7 @@ static void hold_before_start(void)
     const AgentOptions options = {.to = address};
     AgentLink *link = agent_link_open(&options, &error);
     g_assert_no_error(error);
-    AgentExecution execution = {.link = link, .state = FB_N_STATES, .name = address};
+    AgentExecution execution = agent_execution(link, NULL, address);
     if (link && agent_execute_deliver(&execution, bytes, &end, 1, &error)) {
         execution.stop = FB_COMMAND_HOLD;
         fb_session_command(link->session, FB_COMMAND_HOLD, NULL);
@@ -121,7 +121,7 @@ static void watch(void)
     const AgentOptions options = {.to = address};
     AgentLink *starter = agent_link_open(&options, &error);
     g_assert_no_error(error);
-    AgentExecution start = {.link = starter, .state = FB_N_STATES, .name = address};
+    AgentExecution start = agent_execution(starter, NULL, address);
     bool good = starter && agent_execute_deliver(&start, bytes, &end, 1, &error);
     g_assert_true(good);
     if (good)
@@ -130,7 +130,7 @@ static void watch(void)
         g_main_context_iteration(starter->context, TRUE);
     AgentLink *link = agent_link_open(&options, &error);
     if (good && link && agent_link_wait_status(link, &error)) {
-        AgentExecution other = {.link = link, .state = FB_N_STATES, .name = address};
+        AgentExecution other = agent_execution(link, NULL, address);
         fb_session_command(link->session, FB_COMMAND_HOLD, NULL);
         g_assert_false(agent_execute_watch(&other, &error));
         g_assert_error(error, FB_ERROR, FB_ERROR_ABORTED);
@@ -176,7 +176,7 @@ static void changed_on_the_way(void)
     g_autoptr(GArray) findings = link ? agent_preflight(link, &flight, &error) : NULL;
     g_assert_no_error(error);
     g_assert_true(findings && agent_preflight_allows(findings, false, NULL));
-    AgentExecution execution = {.link = link, .state = FB_N_STATES, .name = address};
+    AgentExecution execution = agent_execution(link, NULL, address);
     if (findings) {
         g_assert_true(agent_preflight_again(link, &flight, false, &findings, &error));
         g_main_context_invoke(m.context, change_setup, &m);
