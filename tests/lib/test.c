@@ -3,6 +3,8 @@
 
 #include <gio/gio.h>
 #include <math.h>
+#include <stdint.h>
+#include <string.h>
 
 int test_main(int argc, char **argv, void (*add)(void))
 {
@@ -80,6 +82,26 @@ GPtrArray *test_data_files(const char *folder, const char *const *suffixes)
     if (files->len == 0)
         absent(root);
     return files;
+}
+
+int test_main_as_new_user(int argc, char **argv, void (*add)(void))
+{
+    char *folder = test_folder();
+    g_setenv("XDG_STATE_HOME", folder, TRUE);
+    g_setenv("XDG_CONFIG_HOME", folder, TRUE);
+    const int failed = test_main(argc, argv, add);
+    test_folder_remove(folder);
+    return failed;
+}
+
+double test_any_double(GRand *random)
+{
+    double value;
+    do {
+        uint64_t bits = (uint64_t)g_rand_int(random) << 32 | g_rand_int(random);
+        memcpy(&value, &bits, sizeof value);
+    } while (!isfinite(value));
+    return value;
 }
 
 char *test_program(const char *name)

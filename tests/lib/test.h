@@ -9,6 +9,13 @@
 /* Runs the tests added by `add`, as TAP, going on after a failed assertion. */
 int test_main(int argc, char **argv, void (*add)(void));
 
+/* The same with the user's state and configuration (XDG_STATE_HOME, XDG_CONFIG_HOME) in a folder of
+ * its own. */
+int test_main_as_new_user(int argc, char **argv, void (*add)(void));
+
+/* Any finite double, each pattern of bits as likely. */
+double test_any_double(GRand *random);
+
 /* Path of a file of the outside test data; NULL where it is absent: then the test has been marked
  * as skipped (as failed where SEGMILL_TEST_DATA_REQUIRED=1) and returns. Caller frees. */
 char *test_data(const char *relative);

@@ -73,6 +73,21 @@ static void machine_clear(Machine *m)
     g_main_context_unref(m->context);
 }
 
+/* Where an agent finds it; caller frees. */
+static char *machine_address(const Machine *m)
+{
+    return g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m->server));
+}
+
+static AgentLink *link_to(char *address)
+{
+    g_autoptr(GError) error = NULL;
+    const AgentOptions options = {.to = address};
+    AgentLink *link = agent_link_open(&options, &error);
+    g_assert_no_error(error);
+    return link;
+}
+
 /* Ctrl-C overtakes the START: the machine refuses the hold, and runs. */
 static void hold_before_start(void)
 {
@@ -83,11 +98,8 @@ static void hold_before_start(void)
     g_autoptr(GBytes) bytes = g_bytes_new_static(program, sizeof program - 1);
     if (!machine_init(&m, NULL))
         return;
-    g_autofree char *address =
-        g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m.server));
-    const AgentOptions options = {.to = address};
-    AgentLink *link = agent_link_open(&options, &error);
-    g_assert_no_error(error);
+    g_autofree char *address = machine_address(&m);
+    AgentLink *link = link_to(address);
     AgentExecution execution = agent_execution(link, NULL, address);
     if (link && agent_execute_deliver(&execution, bytes, &end, 1, &error)) {
         execution.stop = FB_COMMAND_HOLD;
@@ -116,11 +128,8 @@ static void watch(void)
     g_autoptr(GBytes) bytes = g_bytes_new_static(program, sizeof program - 1);
     if (!machine_init(&m, NULL))
         return;
-    g_autofree char *address =
-        g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m.server));
-    const AgentOptions options = {.to = address};
-    AgentLink *starter = agent_link_open(&options, &error);
-    g_assert_no_error(error);
+    g_autofree char *address = machine_address(&m);
+    AgentLink *starter = link_to(address);
     AgentExecution start = agent_execution(starter, NULL, address);
     bool good = starter && agent_execute_deliver(&start, bytes, &end, 1, &error);
     g_assert_true(good);
@@ -128,7 +137,7 @@ static void watch(void)
         fb_session_start(starter->session);
     while (good && g_atomic_int_get(&m.starts) == 0)
         g_main_context_iteration(starter->context, TRUE);
-    AgentLink *link = agent_link_open(&options, &error);
+    AgentLink *link = link_to(address);
     if (good && link && agent_link_wait_status(link, &error)) {
         AgentExecution other = agent_execution(link, NULL, address);
         fb_session_command(link->session, FB_COMMAND_HOLD, NULL);
@@ -167,11 +176,8 @@ static void changed_on_the_way(void)
     g_autoptr(GError) error = NULL;
     if (!machine_init(&m, &right))
         return;
-    g_autofree char *address =
-        g_strdup_printf("modbus://127.0.0.1:%u", fb_modbus_server_port(m.server));
-    const AgentOptions options = {.to = address};
-    AgentLink *link = agent_link_open(&options, &error);
-    g_assert_no_error(error);
+    g_autofree char *address = machine_address(&m);
+    AgentLink *link = link_to(address);
     AgentPreflight flight = {.program = &program, .needs = &needs, .machine = &described};
     g_autoptr(GArray) findings = link ? agent_preflight(link, &flight, &error) : NULL;
     g_assert_no_error(error);
@@ -208,10 +214,5 @@ static void add(void)
 
 int main(int argc, char **argv)
 {
-    char *folder = test_folder();
-    g_setenv("XDG_STATE_HOME", folder, TRUE);
-    g_setenv("XDG_CONFIG_HOME", folder, TRUE);
-    const int failed = test_main(argc, argv, add);
-    test_folder_remove(folder);
-    return failed;
+    return test_main_as_new_user(argc, argv, add);
 }

@@ -325,9 +325,5 @@ static void add(void)
 
 int main(int argc, char **argv)
 {
-    char *folder = test_folder();
-    g_setenv("XDG_STATE_HOME", folder, TRUE);
-    const int failed = test_main(argc, argv, add);
-    test_folder_remove(folder);
-    return failed;
+    return test_main_as_new_user(argc, argv, add);
 }

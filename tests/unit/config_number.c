@@ -6,22 +6,12 @@
 #include "config/config.h"
 #include "tests/lib/test.h"
 
-static double any_double(GRand *random)
-{
-    double value;
-    do {
-        uint64_t bits = (uint64_t)g_rand_int(random) << 32 | g_rand_int(random);
-        memcpy(&value, &bits, sizeof value);
-    } while (!isfinite(value));
-    return value;
-}
-
 /* No other decimal with fewer digits reads back as the same double. */
 static void shortest(void)
 {
     g_autoptr(GRand) random = g_rand_new_with_seed(2);
     for (int i = 0; i < 20000; i++) {
-        double value = any_double(random);
+        double value = test_any_double(random);
         if (i % 4 == 0)
             value = g_rand_int_range(random, -100000, 100000) / 1000.0;
         g_autoptr(GString) text = g_string_new(NULL);
