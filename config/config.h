@@ -41,7 +41,15 @@ enum { CFG_CAN_BASE_MOST = 0x7a0, CFG_CAN_AGENTS_MOST = 16 };
 
 /* ------------------------------------------------------------------- tool table */
 
-typedef enum { CFG_TOOL_FLAT, CFG_TOOL_BALL, CFG_TOOL_BULL } CfgToolKind;
+typedef enum {
+    CFG_TOOL_FLAT,
+    CFG_TOOL_BALL,
+    CFG_TOOL_BULL,
+    CFG_TOOL_DRILL,
+    CFG_TOOL_CHAMFER,
+    CFG_TOOL_TAPER,
+    CFG_N_TOOL_KINDS
+} CfgToolKind;
 
 typedef struct {
     char *material;
@@ -54,10 +62,14 @@ typedef struct {
     CfgToolKind kind;
     double diameter_mm;
     double corner_radius_mm; /* flat 0, ball diameter / 2 */
+    double tip_angle_deg;    /* between opposite sides: drill, chamfer, taper; others 0 */
+    double tip_diameter_mm;  /* of the flat at a chamfer's tip, of the ball at a taper's */
     double flute_length_mm;
     double stickout_mm; /* tip to the holder's nose */
     double length_mm;   /* gauge line to tip: the offset of G43 */
+    double shank_diameter_mm;
     double holder_diameter_mm;
+    bool counterclockwise; /* a left-hand tool: it cuts with M4 */
     double max_depth_of_cut_mm;
     int flutes;
     CfgCutting *cutting; /* one a material */
@@ -75,7 +87,7 @@ void cfg_tools_free(CfgToolTable *table);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(CfgToolTable, cfg_tools_free)
 /* NULL where the table does not have it. */
 const CfgTool *cfg_tools_find(const CfgToolTable *table, int number);
-const char *cfg_tool_kind_name(CfgToolKind kind); /* "flat", "ball", "bull" */
+const char *cfg_tool_kind_name(CfgToolKind kind); /* "flat", "ball", "bull", … */
 
 /* ---------------------------------------------------------------------- machine */
 
@@ -85,17 +97,34 @@ typedef struct {
     double min_mm, max_mm; /* travel, machine coordinates */
     double max_mm_min;
     double max_mm_s2;
+    double max_mm_s3; /* jerk; 0: not limited, speed goes in trapezoids */
 } CfgAxis;
+
+/* A, B or C; `present` is false where the machine does not have it. */
+typedef struct {
+    bool present;
+    double min_deg, max_deg; /* travel, machine coordinates */
+    double max_deg_min;
+    double max_deg_s2;
+    double max_deg_s3; /* 0: not limited */
+} CfgRotary;
+
+/* G54 … G59, and G59.1 … G59.3 behind them. */
+enum { CFG_N_WORK_OFFSETS = 9 };
 
 typedef struct {
     char *name;
-    char *dialect;   /* "linuxcnc" */
-    CfgAxis axis[3]; /* X, Y, Z */
+    char *dialect;       /* "linuxcnc" */
+    CfgAxis axis[3];     /* X, Y, Z */
+    CfgRotary rotary[3]; /* A, B, C */
     double spindle_min_rpm, spindle_max_rpm;
     double spindle_rpm_per_s;
+    double orient_s;  /* M19 */
+    double coolant_s; /* M7, M8, M9 */
     double tool_change_s;
-    double tool_change_mm[3];    /* machine coordinates */
-    double work_offset_mm[6][3]; /* G54 … G59 */
+    double tool_change_mm[3]; /* machine coordinates */
+    double work_offset_mm[CFG_N_WORK_OFFSETS][3];
+    double work_offset_deg[CFG_N_WORK_OFFSETS][3]; /* A, B, C */
     uint64_t program_memory_bytes;
     CfgAgentLoss on_agent_loss;
     double agent_timeout_s; /* heartbeat missing for this long is agent loss */
@@ -135,7 +164,12 @@ typedef enum {
     CFG_ZERO_BOTTOM_CORNER,
 } CfgZero;
 
-typedef enum { CFG_STOCK_NEAR_NET } CfgStockKind;
+typedef enum {
+    CFG_STOCK_NEAR_NET, /* the part and the allowance on every face */
+    CFG_STOCK_BOX,
+    CFG_STOCK_CYLINDER, /* upright */
+    CFG_STOCK_FILE,
+} CfgStockKind;
 typedef enum {
     CFG_STRATEGY_AUTO,
     CFG_STRATEGY_ISO_PLANAR,
@@ -166,6 +200,9 @@ typedef struct {
     size_t n_keep_out;
     CfgStockKind stock_kind;
     double allowance_mm;
+    double stock_min_mm[3], stock_max_mm[3]; /* box and cylinder, workpiece coordinates; equal: the
+                                                part's own box and the allowance around it */
+    char *stock_file;                        /* workpiece coordinates; NULL: none */
     char *material;
     char *machine_file;
     char *tools_file;

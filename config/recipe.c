@@ -20,9 +20,14 @@ static const CfgChoice zeros[] = {{"part", CFG_ZERO_PART},
                                   {"bottom-centre", CFG_ZERO_BOTTOM_CENTRE},
                                   {"bottom-corner", CFG_ZERO_BOTTOM_CORNER},
                                   {NULL, 0}};
-static const CfgChoice work_offsets[] = {{"G54", 54}, {"G55", 55}, {"G56", 56}, {"G57", 57},
-                                         {"G58", 58}, {"G59", 59}, {NULL, 0}};
-static const CfgChoice stocks[] = {{"near-net", CFG_STOCK_NEAR_NET}, {NULL, 0}};
+static const CfgChoice work_offsets[] = {{"G54", 54},   {"G55", 55}, {"G56", 56},   {"G57", 57},
+                                         {"G58", 58},   {"G59", 59}, {"G59.1", 60}, {"G59.2", 61},
+                                         {"G59.3", 62}, {NULL, 0}};
+static const CfgChoice stocks[] = {{"near-net", CFG_STOCK_NEAR_NET},
+                                   {"box", CFG_STOCK_BOX},
+                                   {"cylinder", CFG_STOCK_CYLINDER},
+                                   {"file", CFG_STOCK_FILE},
+                                   {NULL, 0}};
 static const CfgChoice methods[] = {
     {"feature-size", CFG_METHOD_FEATURE_SIZE}, {"none", CFG_METHOD_NONE}, {NULL, 0}};
 static const CfgChoice repairs[] = {{"exact", CFG_REPAIR_EXACT},
@@ -53,9 +58,18 @@ static const CfgKey keys[] = {
      .help = "Faces that are not machined, counted from 0, as 0, 4, 7-9.",
      .count_offset = AT(n_keep_out)},
     {"stock", "kind", CFG_CHOICE, "", "near-net", 0, 0, AT(stock_kind),
-     .help = "near-net: the part plus the allowance.", .choices = stocks},
+     .help = "near-net: the part plus the allowance; box, cylinder (upright); file: a mesh or a "
+             "CAD file.",
+     .choices = stocks},
     {"stock", "allowance_mm", CFG_REAL, "mm", "0.5", 0, 100, AT(allowance_mm),
      .help = "What the stock has on every face."},
+    {"stock", "min_mm", CFG_VECTOR, "mm", "0, 0, 0", -1e5, 1e5, AT(stock_min_mm),
+     .help = "Lowest corner of a box or of the box around a cylinder, from the work zero; equal to "
+             "max_mm: the part's own box with the allowance around it."},
+    {"stock", "max_mm", CFG_VECTOR, "mm", "0, 0, 0", -1e5, 1e5, AT(stock_max_mm),
+     .help = "Highest corner of it."},
+    {"stock", "file", CFG_FILE, "", "", 0, 0, AT(stock_file),
+     .help = "The stock's file, with kind = file; its origin is the work zero."},
     {"stock", "material", CFG_STRING, "", "aluminium-6061", 0, 0, AT(material),
      .help = "As the tool table's cutting data name it."},
     {"machine", "file", CFG_FILE, "", "machine.ini", 0, 0, AT(machine_file),
@@ -135,6 +149,14 @@ static bool check(const CfgRecipe *recipe, const CfgIni *ini, GError **error)
         return cfg_refuse(ini, "stock", "material", error, "must not be empty");
     if (!recipe->machine_file)
         return cfg_refuse(ini, "machine", "file", error, "must not be empty");
+    if ((recipe->stock_kind == CFG_STOCK_FILE) != (recipe->stock_file != NULL))
+        return cfg_refuse(ini, "stock", "file", error,
+                          recipe->stock_file ? "goes with kind = file only"
+                                             : "is missing, which kind = file needs");
+    for (int i = 0; i < 3; i++)
+        if (recipe->stock_min_mm[i] > recipe->stock_max_mm[i])
+            return cfg_refuse(ini, "stock", "min_mm", error, "%g is above max_mm = %g",
+                              recipe->stock_min_mm[i], recipe->stock_max_mm[i]);
     for (size_t i = 0; i < recipe->feature_size.n_reassign; i++)
         if (recipe->feature_size.reassign[i][1] < 1)
             return cfg_refuse(ini, "segmentation", "reassign", error,

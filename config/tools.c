@@ -6,16 +6,26 @@
 
 #define AT(field) offsetof(CfgTool, field)
 
-static const CfgChoice kinds[] = {
-    {"flat", CFG_TOOL_FLAT}, {"ball", CFG_TOOL_BALL}, {"bull", CFG_TOOL_BULL}, {NULL, 0}};
+static const CfgChoice kinds[] = {{"flat", CFG_TOOL_FLAT},
+                                  {"ball", CFG_TOOL_BALL},
+                                  {"bull", CFG_TOOL_BULL},
+                                  {"drill", CFG_TOOL_DRILL},
+                                  {"chamfer", CFG_TOOL_CHAMFER},
+                                  {"taper", CFG_TOOL_TAPER},
+                                  {NULL, 0}};
 
 static const CfgKey keys[] = {
-    {"tool.*", "kind", CFG_CHOICE, "", NULL, 0, 0, AT(kind), .help = "Shape of the end mill's tip.",
+    {"tool.*", "kind", CFG_CHOICE, "", NULL, 0, 0, AT(kind), .help = "Shape of the tool's tip.",
      .choices = kinds},
     {"tool.*", "diameter_mm", CFG_REAL, "mm", NULL, 0.05, 200, AT(diameter_mm),
      .help = "Cutting diameter."},
     {"tool.*", "corner_radius_mm", CFG_REAL, "mm", "0", 0, 100, AT(corner_radius_mm),
      .help = "Corner radius of a bull tool; that of a flat one is 0, of a ball half its diameter."},
+    {"tool.*", "tip_angle_deg", CFG_REAL, "deg", "0", 0, 179, AT(tip_angle_deg),
+     .help =
+         "Angle between opposite sides of the tip of a drill, a chamfer mill or a tapered mill."},
+    {"tool.*", "tip_diameter_mm", CFG_REAL, "mm", "0", 0, 200, AT(tip_diameter_mm),
+     .help = "Diameter of the flat at a chamfer mill's tip, of the ball at a tapered mill's."},
     {"tool.*", "flutes", CFG_INT, "", "2", 1, 20, AT(flutes), .help = "Number of teeth."},
     {"tool.*", "flute_length_mm", CFG_REAL, "mm", NULL, 0.05, 500, AT(flute_length_mm),
      .help = "Length of the cutting edges."},
@@ -23,6 +33,10 @@ static const CfgKey keys[] = {
      .help = "From the tip to the holder's nose."},
     {"tool.*", "length_mm", CFG_REAL, "mm", NULL, 0.05, 1000, AT(length_mm),
      .help = "From the tip to the gauge line: the offset of G43."},
+    {"tool.*", "shank_diameter_mm", CFG_REAL, "mm", "0", 0, 200, AT(shank_diameter_mm),
+     .help = "Diameter between the cutting edges and the holder; 0: the cutting diameter."},
+    {"tool.*", "counterclockwise", CFG_BOOL, "", "false", 0, 0, AT(counterclockwise),
+     .help = "true: a left-hand tool, which cuts with M4."},
     {"tool.*", "holder_diameter_mm", CFG_REAL, "mm", "40", 1, 300, AT(holder_diameter_mm),
      .help = "Greatest diameter of the holder's nose."},
     {"tool.*", "max_depth_of_cut_mm", CFG_REAL, "mm", NULL, 0.001, 500, AT(max_depth_of_cut_mm),
@@ -46,22 +60,44 @@ static const CfgSchema schema = {
                      .help = "The T word."},
 };
 
-static bool check_tool(CfgTool *tool, const char *group, const CfgIni *ini, GError **error)
+static bool check_tip(CfgTool *tool, const char *group, const CfgIni *ini, GError **error)
 {
-    double radius = tool->diameter_mm / 2;
-    double corner = tool->corner_radius_mm;
+    double radius = tool->diameter_mm / 2, corner = tool->corner_radius_mm;
+    bool pointed = tool->kind >= CFG_TOOL_DRILL;
     bool given = cfg_ini_entry(ini, group, "corner_radius_mm");
     if (tool->kind == CFG_TOOL_BULL && (corner <= 0 || corner >= radius))
         return cfg_refuse(ini, group, "corner_radius_mm", error,
                           "%g is not between 0 and half the diameter, as a bull tool wants",
                           corner);
-    double implied = tool->kind == CFG_TOOL_BALL ? radius : 0;
+    double implied = tool->kind == CFG_TOOL_BALL    ? radius
+                     : tool->kind == CFG_TOOL_TAPER ? tool->tip_diameter_mm / 2
+                                                    : 0;
     if (tool->kind != CFG_TOOL_BULL && given && fabs(corner - implied) > 1e-9)
         return cfg_refuse(ini, group, "corner_radius_mm", error,
                           "%g does not go with a %s tool, where it is %g; leave it out", corner,
                           cfg_tool_kind_name(tool->kind), implied);
     if (tool->kind != CFG_TOOL_BULL)
         tool->corner_radius_mm = implied;
+    if (pointed != (tool->tip_angle_deg > 0))
+        return cfg_refuse(ini, group, "tip_angle_deg", error,
+                          pointed ? "%g: a %s tool needs the angle of its tip, above 0"
+                                  : "%g does not go with a %s tool; leave it out",
+                          tool->tip_angle_deg, cfg_tool_kind_name(tool->kind));
+    bool tipped = tool->kind == CFG_TOOL_CHAMFER || tool->kind == CFG_TOOL_TAPER;
+    if (tool->tip_diameter_mm >= tool->diameter_mm || (!tipped && tool->tip_diameter_mm > 0))
+        return cfg_refuse(ini, group, "tip_diameter_mm", error,
+                          tipped ? "%g is not below the diameter of the %s tool"
+                                 : "%g does not go with a %s tool; leave it out",
+                          tool->tip_diameter_mm, cfg_tool_kind_name(tool->kind));
+    return true;
+}
+
+static bool check_tool(CfgTool *tool, const char *group, const CfgIni *ini, GError **error)
+{
+    if (!check_tip(tool, group, ini, error))
+        return false;
+    if (tool->shank_diameter_mm == 0)
+        tool->shank_diameter_mm = tool->diameter_mm;
     if (tool->flute_length_mm > tool->stickout_mm)
         return cfg_refuse(ini, group, "flute_length_mm", error, "%g is more than stickout_mm = %g",
                           tool->flute_length_mm, tool->stickout_mm);

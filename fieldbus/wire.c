@@ -308,7 +308,7 @@ bool fb_wire_get_tools(const uint8_t *in, size_t n, unsigned page, FbSetup *setu
         FbTool *t = &setup->tools[i];
         t->number = (int32_t)fb_take32(&p);
         const uint16_t kind = fb_take16(&p);
-        if (kind > CFG_TOOL_BULL)
+        if (kind >= CFG_N_TOOL_KINDS)
             return false;
         t->kind = (CfgToolKind)kind;
         p += 2;

@@ -15,16 +15,10 @@
 #include <stdint.h>
 
 #include "config/config.h"
+#include "nc/gcode.h"
+#include "nc/motion.h"
+#include "nc/stock.h"
 #include "segcore/segcore.h"
-
-typedef enum {
-    NC_ERROR_PLAN,    /* the part, tools and recipe do not go together; the message says how */
-    NC_ERROR_PROGRAM, /* a block is wrong; line, column and word are named */
-    NC_ERROR_LIMIT,   /* a travel or speed limit of the machine is exceeded */
-} NcError;
-
-#define NC_ERROR nc_error_quark()
-GQuark nc_error_quark(void);
 
 /* -------------------------------------------------------------------------- setup */
 
@@ -210,119 +204,5 @@ NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
 NcProgram *nc_program_new(GBytes *bytes, const uint64_t *gates, size_t n_gates);
 void nc_program_free(NcProgram *program);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcProgram, nc_program_free)
-
-/* ------------------------------------------------------------- reading G-code */
-
-typedef enum {
-    NC_MOVE_RAPID,
-    NC_MOVE_FEED,
-    NC_MOVE_ARC,
-    NC_MOVE_DWELL,
-    NC_MOVE_TOOL_CHANGE,
-    NC_MOVE_SPINDLE,
-    NC_MOVE_COOLANT,
-    NC_MOVE_STOP,          /* M0 */
-    NC_MOVE_OPTIONAL_STOP, /* M1 */
-    NC_MOVE_END,           /* M2, M30 */
-} NcMoveKind;
-
-/* One canonical action of a block, in MACHINE coordinates of the tool's gauge point. */
-typedef struct {
-    NcMoveKind kind;
-    uint32_t line;       /* from 1; ascending: of a loop its last line, of a subroutine its call */
-    uint32_t block_line; /* of the block itself, inside those; 0: the same */
-    int32_t region;      /* of the last (REGION n …) comment; 0: none yet */
-    int tool;            /* in the spindle; for a tool change the new one */
-    SegVec3 from, to;
-    SegVec3 centre; /* arcs */
-    int plane;      /* arcs: 17, 18, 19 */
-    int turn;       /* arcs: whole turns, positive anticlockwise: ±1 for up to one turn, ±2 … */
-    double feed_mm_min;
-    double spindle_rpm; /* positive clockwise (M3), negative M4, 0 off */
-    double dwell_s;
-    double tolerance_mm; /* G64 P in force; 0 with G61; INFINITY with G64 and no P, or P0 */
-    bool exact_stop;     /* G61.1 in force */
-    bool coolant_mist, coolant_flood;
-    int work_offset;          /* in force: 54 … 59 */
-    bool machine_coordinates; /* its end was named by G53 or is home: no offset counts */
-} NcMove;
-
-/* The modal state of an RS-274/NGC interpreter. */
-typedef struct NcInterpreter NcInterpreter;
-
-NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable *tools);
-void nc_interpreter_free(NcInterpreter *interpreter);
-G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcInterpreter, nc_interpreter_free)
-
-/* The machine stands here, in machine coordinates of the gauge point; until told, where it changes
- * tools (the machine file's tool_change), which is also where G28 goes. */
-void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point);
-
-/* The operator's switch that skips blocks beginning with "/"; off until told. */
-void nc_interpreter_set_block_delete(NcInterpreter *interpreter, bool on);
-
-/* Reads one block (no newline needed) and appends its NcMoves. Anything unknown is an error with
- * line, column and the offending word; nothing is ignored. After an error the interpreter stays as
- * it was before the block. */
-bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,
-                          GArray *moves, GError **error);
-
-/* Whether a move stays within the machine's travel and spindle speeds; if not, NC_ERROR_LIMIT with
- * line, axis, value and limit. The interpreter itself does not ask. */
-bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError **error);
-
-/* A whole program, checked against the machine's limits too; result is a GArray of NcMove. It ends
- * with M2, M30 or the second "%"; what follows is no part of it. */
-GArray *nc_read_program(const char *text, size_t length, const CfgMachine *machine,
-                        const CfgToolTable *tools, GError **error);
-
-/* ------------------------------------------------------------------ motion */
-
-/* The move's path, from fraction 0 to 1 of its length. An arc whose radii differ within the
- * interpreter's tolerance is a spiral. */
-double nc_move_length_mm(const NcMove *move);
-SegVec3 nc_move_point(const NcMove *move, double fraction);
-
-/* The smallest box around the move's path. */
-void nc_move_bounds(const NcMove *move, SegVec3 *min, SegVec3 *max);
-
-/* How a move is driven: distance and trapezoidal speed over its own time. */
-typedef struct {
-    double start_s; /* since the program's start */
-    double duration_s;
-    double length_mm;
-    double v_in_mm_s, v_max_mm_s, v_out_mm_s;
-    double a_mm_s2; /* acceleration along the move; 0 for what does not move */
-} NcTimedMove;
-
-/*
- * Plans the moves with the machine's accelerations: trapezoidal, per axis, looking ahead over all
- * of them. Corners are taken at the speed that keeps the path tolerance in force: with G61 the
- * machine stops at all but tangents, with G61.1 after every move; the rule, with its source, is in
- * nc/motion/plan.c. Tool changes, spindle ramps and dwells take their times, and the axes stand
- * meanwhile. Returns n NcTimedMoves (g_free); the end is last.start + duration. O(n).
- */
-NcTimedMove *nc_motion_plan(const CfgMachine *machine, const NcMove *moves, size_t n);
-
-/* What a person turns at the machine, in percent of what is programmed; 100 each: nothing. */
-typedef struct {
-    int feed, rapid, spindle;
-} NcOverride;
-
-#define NC_NO_OVERRIDE ((NcOverride){100, 100, 100})
-
-/* The same with overrides, `spindle_rpm` programmed before the first move. A move that an override
- * of 0 forbids has v_max_mm_s 0 and takes no time: whoever follows the plan stands before it. */
-NcTimedMove *nc_motion_plan_override(const CfgMachine *machine, NcOverride override,
-                                     double spindle_rpm, const NcMove *moves, size_t n);
-
-/* The spindle's speed where `rpm` is programmed: within what the machine can, 0 stays 0. */
-double nc_override_rpm(const CfgMachine *machine, NcOverride override, double rpm);
-
-/* Position on a move after `t_s` seconds of it. */
-SegVec3 nc_motion_position(const NcMove *move, const NcTimedMove *timed, double t_s);
-
-/* Speed at that time, mm/s. */
-double nc_motion_speed_mm_s(const NcTimedMove *timed, double t_s);
 
 #endif

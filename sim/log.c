@@ -154,6 +154,10 @@ static const char *kind_name(NcMoveKind kind)
         return "optional-stop";
     case NC_MOVE_END:
         return "end";
+    case NC_MOVE_PROBE:
+        return "probe";
+    case NC_MOVE_ORIENT:
+        return "orient";
     }
     return "";
 }

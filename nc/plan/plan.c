@@ -161,6 +161,13 @@ static void planner_clear(NcPlanner *planner)
         g_ptr_array_unref(planner->notes);
 }
 
+/* A cone leaves steps on whatever it was not ground for. */
+static bool mills_surfaces(const CfgTool *tool)
+{
+    return tool->kind == CFG_TOOL_FLAT || tool->kind == CFG_TOOL_BALL ||
+           tool->kind == CFG_TOOL_BULL;
+}
+
 GPtrArray *nc_planner_tools(const NcPlanner *planner, GError **error)
 {
     const CfgRecipe *recipe = planner->input->recipe;
@@ -174,12 +181,22 @@ GPtrArray *nc_planner_tools(const NcPlanner *planner, GError **error)
                         recipe->use_tools[i]);
             return NULL;
         }
+        if (!mills_surfaces(tool)) {
+            g_set_error(error, NC_ERROR, NC_ERROR_PLAN,
+                        "tools.use names tool %d, a %s; surfaces are milled with flat, ball and "
+                        "bull tools",
+                        tool->number, cfg_tool_kind_name(tool->kind));
+            return NULL;
+        }
         g_ptr_array_add(tools, (gpointer)tool);
     }
     for (size_t i = 0; recipe->n_use_tools == 0 && i < table->n_tools; i++)
-        g_ptr_array_add(tools, (gpointer)&table->tools[i]);
+        if (mills_surfaces(&table->tools[i]))
+            g_ptr_array_add(tools, (gpointer)&table->tools[i]);
     if (tools->len == 0) {
-        g_set_error(error, NC_ERROR, NC_ERROR_PLAN, "the tool table is empty");
+        g_set_error(
+            error, NC_ERROR, NC_ERROR_PLAN,
+            "the tool table has no flat, ball or bull tool, which surfaces are milled with");
         return NULL;
     }
     return g_steal_pointer(&tools);

@@ -16,7 +16,7 @@ CfgMachine gcode_machine(void)
         .work_offset_mm = {{0.0, 0.0, 0.0}, {10.0, 20.0, -30.0}},
     };
     for (int axis = 0; axis < 3; axis++)
-        machine.axis[axis] = (CfgAxis){-1000.0, 1000.0, 6000.0, 500.0};
+        machine.axis[axis] = (CfgAxis){-1000.0, 1000.0, 6000.0, 500.0, 0.0};
     return machine;
 }
 

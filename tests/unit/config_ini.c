@@ -84,6 +84,12 @@ static const Case cases[] = {
      CFG_ERROR_VALUE},
     {"machine", "[axis.x]\nmin_mm = 1\n", ":2: [axis.x] min_mm: 1 is not below max_mm = 0",
      CFG_ERROR_VALUE},
+    {"machine", "[axis.b]\npresent = true\nmin_deg = 1\nmax_deg = 0\n",
+     ":3: [axis.b] min_deg: 1 is not below max_deg = 0", CFG_ERROR_VALUE},
+    {"recipe", "[part]\nfile = a\n[stock]\nkind = file\n",
+     ":3: [stock] file: is missing, which kind = file needs", CFG_ERROR_VALUE},
+    {"recipe", "[part]\nfile = a\n[stock]\nmin_mm = 1, 0, 0\n",
+     ":4: [stock] min_mm: 1 is above max_mm = 0", CFG_ERROR_VALUE},
     {"machine", "[tools]\nchange_mm = 0, 0\n",
      ":2: [tools] change_mm: '0, 0' is not three numbers: x, y, z", CFG_ERROR_VALUE},
     {"machine", "[tools]\nchange_mm = 0, 0, 10\n",
@@ -93,7 +99,7 @@ static const Case cases[] = {
     {"tools", "", ": no [tool.NUMBER] group: no tools", CFG_ERROR_VALUE},
     {"tools", "[tool.x]\n", ":1: [tool.x]: number: 'x' is not a number", CFG_ERROR_VALUE},
     {"tools", "[tool.3]\n",
-     ":1: [tool.3] kind: missing; it must be given: Shape of the end mill's tip.", CFG_ERROR_VALUE},
+     ":1: [tool.3] kind: missing; it must be given: Shape of the tool's tip.", CFG_ERROR_VALUE},
     {"agent", "[machine.mill]\naddress = serial:1\n",
      ":2: [machine.mill] address: 'serial:1' is neither modbus://host:port nor mbaps://host:port "
      "nor can://interface",
@@ -131,6 +137,16 @@ static void tool_checks(void)
          "[tool.1] corner_radius_mm: 0 is not between 0 and half the diameter"},
         {"[tool.1]\nkind = ball\ndiameter_mm = 6\ncorner_radius_mm = 2\n" TOOL_REST,
          "[tool.1] corner_radius_mm: 2 does not go with a ball tool, where it is 3"},
+        {"[tool.1]\nkind = drill\ndiameter_mm = 6\n" TOOL_REST,
+         "[tool.1] tip_angle_deg: 0: a drill tool needs the angle of its tip, above 0"},
+        {"[tool.1]\nkind = flat\ndiameter_mm = 6\ntip_angle_deg = 90\n" TOOL_REST,
+         "[tool.1] tip_angle_deg: 90 does not go with a flat tool; leave it out"},
+        {"[tool.1]\nkind = taper\ndiameter_mm = 6\ntip_angle_deg = 9\ntip_diameter_mm = "
+         "6\n" TOOL_REST,
+         "[tool.1] tip_diameter_mm: 6 is not below the diameter of the taper tool"},
+        {"[tool.1]\nkind = drill\ndiameter_mm = 6\ntip_angle_deg = 9\ntip_diameter_mm = "
+         "1\n" TOOL_REST,
+         "[tool.1] tip_diameter_mm: 1 does not go with a drill tool; leave it out"},
         {"[tool.1]\nkind = ball\ndiameter_mm = 6\n" TOOL_REST
          "[tool.01]\nkind = ball\ndiameter_mm = 6\n" TOOL_REST,
          "tool 1 is there twice"},
@@ -172,7 +188,7 @@ static void overrides(void)
         char *set;
         const char *message;
     } bad[] = {
-        {"file=x", "--set file: say which: part.file or machine.file or tools.file"},
+        {"file=x", "--set file: say which: part.file or stock.file or machine.file or tools.file"},
         {"clearence_mm=1", "--set clearence_mm: unknown key; did you mean clearance_mm?"},
         {"setup.clearence_mm=1",
          "--set setup.clearence_mm: unknown key; did you mean clearance_mm?"},

@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Part of nc/nc.h, which others include: from G-code to canonical moves (RS-274/NGC, ISO 6983).
+ * Lengths in mm, feeds mm/min, times s; rotary axes in degrees, as programs have them.
+ */
+#ifndef NC_GCODE_H
+#define NC_GCODE_H
+
+#include <glib.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "config/config.h"
+#include "segcore/segcore.h"
+
+typedef enum {
+    NC_ERROR_PLAN,    /* the part, tools and recipe do not go together; the message says how */
+    NC_ERROR_PROGRAM, /* a block is wrong; line, column and word are named */
+    NC_ERROR_LIMIT,   /* a travel or speed limit of the machine is exceeded */
+} NcError;
+
+#define NC_ERROR nc_error_quark()
+GQuark nc_error_quark(void);
+
+/* ------------------------------------------------------------- reading G-code */
+
+typedef enum {
+    NC_MOVE_RAPID,
+    NC_MOVE_FEED,
+    NC_MOVE_ARC,
+    NC_MOVE_DWELL,
+    NC_MOVE_TOOL_CHANGE,
+    NC_MOVE_SPINDLE,
+    NC_MOVE_COOLANT,
+    NC_MOVE_STOP,          /* M0 */
+    NC_MOVE_OPTIONAL_STOP, /* M1 */
+    NC_MOVE_END,           /* M2, M30 */
+    NC_MOVE_PROBE,         /* G38.x, to where it touched */
+    NC_MOVE_ORIENT,        /* M19 */
+} NcMoveKind;
+
+/* One canonical action of a block, in MACHINE coordinates of the tool's gauge point. */
+typedef struct {
+    NcMoveKind kind;
+    uint32_t line;       /* from 1; ascending: of a loop its last line, of a subroutine its call */
+    uint32_t block_line; /* of the block itself, inside those; 0: the same */
+    int32_t region;      /* of the last (REGION n …) comment; 0: none yet */
+    int tool;            /* in the spindle; for a tool change the new one */
+    SegVec3 from, to;
+    double from_deg[3], to_deg[3]; /* A, B, C, machine coordinates */
+    SegVec3 centre;                /* arcs */
+    int plane;                     /* arcs: 17, 18, 19 */
+    int turn; /* arcs: whole turns, positive anticlockwise: ±1 for up to one turn, ±2 … */
+    double feed_mm_min;
+    double spindle_rpm; /* positive clockwise (M3), negative M4, 0 off */
+    double dwell_s;
+    double tolerance_mm; /* G64 P in force; 0 with G61; INFINITY with G64 and no P, or P0 */
+    bool exact_stop;     /* G61.1 in force */
+    bool coolant_mist, coolant_flood;
+    int work_offset;          /* in force: 54 … 59; 60 … 62: G59.1 … G59.3 */
+    bool machine_coordinates; /* its end was named by G53 or is home: no offset counts */
+} NcMove;
+
+/* The modal state of an RS-274/NGC interpreter. */
+typedef struct NcInterpreter NcInterpreter;
+
+NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable *tools);
+void nc_interpreter_free(NcInterpreter *interpreter);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcInterpreter, nc_interpreter_free)
+
+/* The machine stands here, in machine coordinates of the gauge point; until told, where it changes
+ * tools (the machine file's tool_change), which is also where G28 goes. */
+void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point);
+
+/* The operator's switch that skips blocks beginning with "/"; off until told. */
+void nc_interpreter_set_block_delete(NcInterpreter *interpreter, bool on);
+
+/* Reads one block (no newline needed) and appends its NcMoves. Anything unknown is an error with
+ * line, column and the offending word; nothing is ignored. After an error the interpreter stays as
+ * it was before the block. */
+bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,
+                          GArray *moves, GError **error);
+
+/* Whether a move stays within the machine's travel and spindle speeds; if not, NC_ERROR_LIMIT with
+ * line, axis, value and limit. The interpreter itself does not ask. */
+bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError **error);
+
+/* A whole program, checked against the machine's limits too; result is a GArray of NcMove. It ends
+ * with M2, M30 or the second "%"; what follows is no part of it. */
+GArray *nc_read_program(const char *text, size_t length, const CfgMachine *machine,
+                        const CfgToolTable *tools, GError **error);
+
+#endif

@@ -1,0 +1,89 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Part of nc/nc.h, which others include: the stock, what tools remove from it, and what is left.
+ * Workpiece coordinates: the work zero is the origin, +Z points to the spindle. Lengths in mm.
+ */
+#ifndef NC_STOCK_H
+#define NC_STOCK_H
+
+#include "nc/gcode.h"
+
+/*
+ * Material as rays parallel to X, Y and Z on one grid (a tri-dexel model: Van Hook, "Real-time
+ * shaded NC milling display", 1986; Benouamer, Michelucci, "Bridging the gap between CSG and Brep
+ * via a triple ray representation", 1997). Each ray keeps the segments that are material; each end
+ * of one its surface normal, and the tool and block that made it.
+ */
+typedef struct NcStock NcStock;
+
+typedef struct {
+    double pitch_mm;       /* of the grid */
+    uint64_t memory_bytes; /* a stock that would need more is refused */
+} NcStockOptions;
+
+/* 0.1 mm, 2 GiB. */
+#define NC_STOCK_DEFAULTS ((NcStockOptions){0.1, 2ull << 30})
+
+/* Errors: NC_ERROR_PLAN for a body without volume or a pitch that the memory does not allow. */
+NcStock *nc_stock_new_box(SegVec3 min, SegVec3 max, const NcStockOptions *options, GError **error);
+/* Upright: its axis is parallel to Z, `base` the centre of its lower face. */
+NcStock *nc_stock_new_cylinder(SegVec3 base, double diameter_mm, double height_mm,
+                               const NcStockOptions *options, GError **error);
+/* A closed mesh; triangles index vertices, anticlockwise seen from outside. */
+NcStock *nc_stock_new_mesh(const SegVec3 *vertices, size_t n_vertices,
+                           const int32_t (*triangles)[3], size_t n_triangles,
+                           const NcStockOptions *options, GError **error);
+void nc_stock_free(NcStock *stock);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcStock, nc_stock_free)
+
+double nc_stock_volume_mm3(const NcStock *stock);
+uint64_t nc_stock_memory_bytes(const NcStock *stock);
+
+typedef enum {
+    NC_COLLISION_RAPID,   /* G0 through material */
+    NC_COLLISION_HOLDER,  /* the holder in material */
+    NC_COLLISION_SHANK,   /* the shank, above the flutes, in material */
+    NC_COLLISION_SPINDLE, /* cutting with the spindle off, or turning the wrong way */
+} NcCollisionKind;
+
+const char *nc_collision_name(NcCollisionKind kind); /* "rapid", "holder", "shank", "spindle" */
+
+typedef struct {
+    NcCollisionKind kind;
+    uint32_t line;    /* of the block */
+    SegVec3 position; /* where it is deepest, workpiece coordinates */
+    double depth_mm;  /* how far it goes into the material */
+} NcCollision;
+
+/*
+ * Removes what the moves sweep, in their order, and appends the NcCollisions met on the way (may be
+ * NULL) one a kind and block, by line. `zero` is the work zero in machine coordinates of the gauge
+ * point, `tools` give shapes and lengths. May be called again with the moves that follow. The
+ * result does not depend on the number of threads. Errors: NC_ERROR_PROGRAM, with the line, for a
+ * tool that the table does not have and for cutting with a rotary axis away from zero.
+ */
+bool nc_stock_cut(NcStock *stock, const NcMove *moves, size_t n, SegVec3 zero,
+                  const CfgToolTable *tools, GArray *collisions, GError **error);
+
+/* ----------------------------------------------------------- in-process model */
+
+typedef struct {
+    int32_t vertex[3];              /* anticlockwise seen from outside */
+    int32_t tool;                   /* that made it; 0: raw stock */
+    uint32_t first_line, last_line; /* of the blocks that made it */
+} NcMeshTriangle;
+
+/* Closed, manifold, outward. */
+typedef struct {
+    SegVec3 *vertices;
+    size_t n_vertices;
+    NcMeshTriangle *triangles;
+    size_t n_triangles;
+} NcMesh;
+
+/* The surface of what is left; empty where nothing is. */
+NcMesh *nc_stock_mesh(const NcStock *stock);
+void nc_mesh_free(NcMesh *mesh);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcMesh, nc_mesh_free)
+
+#endif
