@@ -14,8 +14,6 @@ typedef struct {
     const CfgTool *tool;   /* that reaches all of it that can be reached, or the wish */
 } Job;
 
-static bool planner_init(NcPlanner *planner, const NcPlanInput *input, GError **error);
-static void planner_clear(NcPlanner *planner);
 static NcPlan *plan_of(NcPlanner *planner, CfgMethod method, GArray *operations);
 static bool job_init(Job *job, const NcPlanner *planner, const SegRegion *from, GError **error);
 static bool job_cut(const NcPlanner *planner, const Job *jobs, size_t n_jobs, const Job *job,
@@ -28,7 +26,7 @@ static void operation_clear(void *operation);
 NcPlan *nc_plan_new(const NcPlanInput *input, GError **error)
 {
     NcPlanner planner;
-    if (!planner_init(&planner, input, error))
+    if (!nc_planner_init(&planner, input, error))
         return NULL;
     GArray *operations = g_array_new(FALSE, TRUE, sizeof(NcOperation));
     g_array_set_clear_func(operations, operation_clear);
@@ -47,7 +45,7 @@ NcPlan *nc_plan_new(const NcPlanInput *input, GError **error)
         nc_region_free(jobs[r].region);
     if (!ok) {
         g_array_unref(operations);
-        planner_clear(&planner);
+        nc_planner_clear(&planner);
         return NULL;
     }
     return plan_of(&planner, input->recipe->method, operations);
@@ -56,7 +54,7 @@ NcPlan *nc_plan_new(const NcPlanInput *input, GError **error)
 NcPlan *nc_plan_baseline(const NcPlanInput *input, GError **error)
 {
     NcPlanner planner;
-    if (!planner_init(&planner, input, error))
+    if (!nc_planner_init(&planner, input, error))
         return NULL;
     const SegSegmentation *segmentation = input->segmentation;
     const CfgRecipe *recipe = input->recipe;
@@ -88,7 +86,7 @@ NcPlan *nc_plan_baseline(const NcPlanInput *input, GError **error)
         input->progress(1, input->progress_data);
     if (!ok) {
         g_array_unref(operations);
-        planner_clear(&planner);
+        nc_planner_clear(&planner);
         return NULL;
     }
     return plan_of(&planner, CFG_METHOD_NONE, operations);
@@ -121,7 +119,7 @@ const char *nc_strategy_name(CfgStrategy strategy)
 
 /* ------------------------------------------------------------------------ planner */
 
-static bool planner_init(NcPlanner *planner, const NcPlanInput *input, GError **error)
+bool nc_planner_init(NcPlanner *planner, const NcPlanInput *input, GError **error)
 {
     *planner = (NcPlanner){.input = input};
     const CfgRecipe *recipe = input->recipe;
@@ -154,7 +152,7 @@ static bool planner_init(NcPlanner *planner, const NcPlanInput *input, GError **
     return true;
 }
 
-static void planner_clear(NcPlanner *planner)
+void nc_planner_clear(NcPlanner *planner)
 {
     nc_terrain_free(planner->terrain);
     if (planner->notes)
@@ -220,7 +218,7 @@ static NcPlan *plan_of(NcPlanner *planner, CfgMethod method, GArray *operations)
     plan->n_operations = operations->len;
     plan->operations = (NcOperation *)(void *)g_array_free(operations, FALSE);
     nc_estimate_plan(plan, planner->input->recipe, planner->input->machine);
-    planner_clear(planner);
+    nc_planner_clear(planner);
     return plan;
 }
 
@@ -302,6 +300,30 @@ static GPtrArray *finer_tools(const Job *jobs, size_t n_jobs, const Job *job)
             g_ptr_array_add(tools, (gpointer)jobs[i].tool);
     }
     return tools;
+}
+
+bool nc_planner_allot(const NcPlanner *planner, const CfgTool *(*tools)[2], GError **error)
+{
+    const SegSegmentation *segmentation = planner->input->segmentation;
+    size_t n = segmentation->n_regions;
+    g_autofree Job *jobs = g_new0(Job, n + 1);
+    bool ok = true;
+    for (size_t r = 0; r < n && ok; r++)
+        ok = job_init(&jobs[r], planner, &segmentation->regions[r], error);
+    for (size_t r = 0; r < n && ok; r++) {
+        tools[r][0] = tools[r][1] = NULL;
+        if (!jobs[r].region)
+            continue;
+        g_autoptr(GPtrArray) finer = finer_tools(jobs, n, &jobs[r]);
+        NcAllotment allotment = nc_allot(planner, jobs[r].region, jobs[r].tool,
+                                         (const CfgTool *const *)finer->pdata, finer->len);
+        tools[r][0] = allotment.tool;
+        tools[r][1] = allotment.rest_tool;
+        g_free(allotment.rest);
+    }
+    for (size_t r = 0; r < n; r++)
+        nc_region_free(jobs[r].region);
+    return ok;
 }
 
 static bool job_cut(const NcPlanner *planner, const Job *jobs, size_t n_jobs, const Job *job,

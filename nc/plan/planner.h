@@ -15,6 +15,14 @@ typedef struct {
     GPtrArray *notes;
 } NcPlanner;
 
+/* NC_ERROR_PLAN where part, tools and recipe do not go together; nothing is to be cleared then. */
+bool nc_planner_init(NcPlanner *planner, const NcPlanInput *input, GError **error);
+void nc_planner_clear(NcPlanner *planner);
+
+/* The tools that a plan gives each region of the segmentation: for most of it and for its rest;
+ * NULL for none. */
+bool nc_planner_allot(const NcPlanner *planner, const CfgTool *(*tools)[2], GError **error);
+
 /* The tools the recipe lets the planner use, ascending by number; GPtrArray of const CfgTool *. */
 GPtrArray *nc_planner_tools(const NcPlanner *planner, GError **error);
 

@@ -81,6 +81,13 @@ NcReach nc_reach(const NcTerrain *terrain, const NcRegion *region, const NcBody 
     return reach;
 }
 
+bool nc_reach_point(const NcTerrain *terrain, SegVec3 point, SegVec3 normal, const NcBody *body,
+                    double floor_mm, double tolerance_mm)
+{
+    NcSample sample = {.point = point, .normal = normal};
+    return touch(terrain, &sample, false, body, floor_mm, tolerance_mm) == REACHED;
+}
+
 /* The verdict of the best place from which the cutter touches the sample. */
 static Verdict touch(const NcTerrain *terrain, const NcSample *sample, bool downward,
                      const NcBody *body, double floor_mm, double tolerance_mm)

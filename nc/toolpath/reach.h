@@ -30,6 +30,11 @@ bool nc_body_clear(const NcTerrain *terrain, const NcBody *body, SegVec3 tip);
 /* The least height of the tip over that place at which they do. */
 double nc_body_least_z(const NcTerrain *terrain, const NcBody *body, SegVec3 tip);
 
+/* Can the cutter, backed off by `tolerance_mm`, touch the point from the side of its normal, which
+ * does not look down, and be clear of the whole part? */
+bool nc_reach_point(const NcTerrain *terrain, SegVec3 point, SegVec3 normal, const NcBody *body,
+                    double floor_mm, double tolerance_mm);
+
 /* Why points of a region cannot be touched, mm². */
 typedef struct {
     double requested_mm2;
