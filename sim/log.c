@@ -158,6 +158,10 @@ static const char *kind_name(NcMoveKind kind)
         return "probe";
     case NC_MOVE_ORIENT:
         return "orient";
+    case NC_MOVE_TOOL_NUMBER:
+        return "tool-number";
+    case NC_MOVE_MESSAGE:
+        return "message";
     }
     return "";
 }

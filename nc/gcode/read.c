@@ -109,9 +109,20 @@ static bool run_line(NcInterpreter *interpreter, NcExecution *x, const char *tex
     return good;
 }
 
+/* Of the actions that were added from `first` on. */
+static void mark_blocks(GArray *moves, guint first)
+{
+    for (guint i = first; i < moves->len; i++) {
+        NcMove *move = &g_array_index(moves, NcMove, i);
+        move->begins_block =
+            i == first || move->line != move[-1].line || move->block_line != move[-1].block_line;
+    }
+}
+
 bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **error)
 {
     const NcBlock *block = x->block;
+    const guint first = x->moves->len;
     NcModal *modal = &x->modal;
     if (!nc_lex(x, text, length, error))
         return false;
@@ -124,6 +135,7 @@ bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **erro
                                : nc_check(x->block, modal, error) && nc_execute(x, error);
     if (!good)
         return false;
+    mark_blocks(x->moves, first);
     for (int i = 0; !skipped && i < block->n_settings; i++)
         nc_parameter_set(x->parameters, block->settings[i].parameter, block->settings[i].value);
     modal->begun = modal->begun || !block->blank;

@@ -27,7 +27,7 @@ NcArc nc_arc(const NcMove *move);
 /* Whether the move leads along a path at all (it may still be of length zero). */
 static inline bool nc_move_travels(const NcMove *move)
 {
-    return move->kind == NC_MOVE_RAPID || move->kind == NC_MOVE_FEED || move->kind == NC_MOVE_ARC;
+    return move->kind <= NC_MOVE_ARC || move->kind == NC_MOVE_PROBE;
 }
 
 /* Unit tangents at a move's ends; of a move longer than zero. */

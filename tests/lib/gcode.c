@@ -42,6 +42,9 @@ static void put_path(GString *text, const NcMove *move)
     const double to[] = {move->to.x, move->to.y, move->to.z};
     const double centre[] = {move->centre.x, move->centre.y, move->centre.z};
     put_numbers(text, to, 3);
+    for (int i = 0; i < 3; i++)
+        if (move->from_deg[i] != 0.0 || move->to_deg[i] != 0.0)
+            g_string_append_printf(text, " %c%.9g", 'a' + i, round(move->to_deg[i] * 1e9) / 1e9);
     if (move->kind == NC_MOVE_ARC) {
         g_string_append(text, " centre");
         put_numbers(text, centre, 3);
@@ -53,20 +56,23 @@ static void put_path(GString *text, const NcMove *move)
 
 char *gcode_text(const GArray *moves)
 {
-    static const char *const names[] = {"rapid",   "feed",    "arc",  "dwell",         "tool",
-                                        "spindle", "coolant", "stop", "optional stop", "end"};
+    static const char *const names[] = {
+        "rapid", "feed",          "arc", "dwell", "tool",   "spindle",     "coolant",
+        "stop",  "optional stop", "end", "probe", "orient", "tool number", "message"};
     GString *text = g_string_new(NULL);
     for (guint i = 0; i < moves->len; i++) {
         const NcMove *move = &g_array_index(moves, NcMove, i);
         g_string_append(text, names[move->kind]);
-        if (move->kind <= NC_MOVE_ARC)
+        if (move->kind <= NC_MOVE_ARC || move->kind == NC_MOVE_PROBE)
             put_path(text, move);
         else if (move->kind == NC_MOVE_DWELL)
             put_numbers(text, &move->dwell_s, 1);
         else if (move->kind == NC_MOVE_SPINDLE)
             put_numbers(text, &move->spindle_rpm, 1);
-        else if (move->kind == NC_MOVE_TOOL_CHANGE)
+        else if (move->kind == NC_MOVE_TOOL_CHANGE || move->kind == NC_MOVE_TOOL_NUMBER)
             g_string_append_printf(text, " %d", move->tool);
+        else if (move->kind == NC_MOVE_ORIENT)
+            put_numbers(text, &move->orient.angle_deg, 1);
         else if (move->kind == NC_MOVE_COOLANT)
             g_string_append_printf(text, "%s%s", move->coolant_mist ? " mist" : "",
                                    move->coolant_flood ? " flood" : "");
