@@ -13,10 +13,12 @@ static void forget(SimController *c, GArray *actions);
 static void take_pass(SimController *c, SimProgram *pass, GArray *actions);
 static void take_plan(SimController *c, const SimEvent *event, GArray *actions);
 static void acknowledge(SimController *c, GArray *actions);
+static void fail(SimController *c, GArray *actions);
 
 void sim_controller_step(SimController *c, const SimEvent *event, int64_t now_us, GArray *actions)
 {
-    sim_run_advance(c, now_us, event->kind == SIM_TICK, actions);
+    if (!c->woken || event->kind == SIM_TICK)
+        sim_run_advance(c, now_us, event->kind == SIM_TICK, actions);
     const bool ready = c->state == FB_STATE_READY || c->state == FB_STATE_COMPLETE;
     switch (event->kind) {
     case SIM_TICK:
@@ -62,6 +64,9 @@ void sim_controller_step(SimController *c, const SimEvent *event, int64_t now_us
         sim_run_tell(c, FB_STATE_ESTOP, FB_MACHINE_ESTOP, actions);
         if (c->in_run)
             sim_run_brake(c, SIM_STOP_ESTOP, actions);
+        break;
+    case SIM_FAIL:
+        fail(c, actions);
         break;
     case SIM_OVERRIDE:
         c->override = event->override;
@@ -123,6 +128,15 @@ static void take_plan(SimController *c, const SimEvent *event, GArray *actions)
         sim_run_replan(c, actions);
 }
 
+static void fail(SimController *c, GArray *actions)
+{
+    if (c->state == FB_STATE_OFF || c->state == FB_STATE_ALARM || c->state == FB_STATE_ESTOP)
+        return;
+    sim_run_tell(c, FB_STATE_ALARM, FB_MACHINE_ALARM, actions);
+    if (c->in_run)
+        sim_run_brake(c, SIM_STOP_ESTOP, actions);
+}
+
 /* Nobody can have seen to a machine that moves. */
 static void acknowledge(SimController *c, GArray *actions)
 {
@@ -135,6 +149,11 @@ static void acknowledge(SimController *c, GArray *actions)
 }
 
 /* ------------------------------------------------------------------------- what is shown */
+
+void sim_controller_wake(SimController *c, SimMoment moment)
+{
+    c->wake = moment;
+}
 
 bool sim_controller_moving(const SimController *c)
 {
@@ -198,6 +217,7 @@ SimController *sim_controller_new(const SimControllerOptions *options)
     c->position_mm = seg_vec3(at[0], at[1], at[2]);
     c->work_offset = RESET_WORK_OFFSET;
     c->override = NC_NO_OVERRIDE;
+    c->wake = SIM_NEVER;
     c->spindle.rpm_per_s = options->machine->spindle_rpm_per_s;
     g_queue_init(&c->passes);
     sim_drive_init(&c->drive);

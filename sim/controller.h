@@ -39,6 +39,7 @@ typedef enum {
     SIM_RESUME,        /* after a hold or a program stop; takes a gate hold back, too */
     SIM_ABORT,         /* brake and end the run */
     SIM_ESTOP,         /* the button: brake, end the run, and stay stopped */
+    SIM_FAIL,          /* a fault of the machine: the same, as an alarm */
     SIM_OVERRIDE,      /* feed, rapids, spindle */
     SIM_PLAN,          /* what sim_controller_unplanned asked for */
     SIM_OPTIONAL_STOP, /* the switch that M1 asks for */
@@ -63,11 +64,14 @@ typedef enum {
     SIM_BLOCK,     /* a block has been executed */
     SIM_WAY,       /* a move of the way to where the program begins or goes on */
     SIM_OVERRIDES, /* a run goes on by a plan with these */
+    SIM_WOKEN,     /* the moment asked for has come: the last action of its step */
 } SimActionKind;
 
-/* A block is a line of the program with at least one action. */
+/* A block is a line of the program with at least one action; one in a loop or a subroutine is a
+ * block each time. */
 typedef struct {
-    uint32_t line;
+    uint32_t line;       /* as NcMove: what the machine shows */
+    uint32_t block_line; /* its own */
     NcMoveKind kind; /* of its last action */
     double start_s, end_s;
     SegVec3 position_mm;
@@ -83,7 +87,15 @@ typedef struct {
     SimBlock block;       /* SIM_BLOCK; SIM_WAY, where line is 0 */
     NcOverride override;  /* SIM_OVERRIDES */
     double time_s;        /* of the program's clock */
+    uint32_t line;        /* SIM_WOKEN: the block that begins or is in execution */
 } SimAction;
+
+/* A moment of a run: before a block of this line or a later one, or at this time of the program's
+ * clock, whichever comes first; the same moment at every speed. */
+typedef struct {
+    uint32_t line; /* UINT32_MAX: none */
+    double time_s; /* INFINITY: none */
+} SimMoment;
 
 /* Runs since the machine was switched on. */
 typedef struct {
@@ -101,6 +113,10 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimController, sim_controller_free)
  * An event that does not fit the state does nothing: the receiver has refused it already. */
 void sim_controller_step(SimController *controller, const SimEvent *event, int64_t now_us,
                          GArray *actions);
+
+/* Asks for SIM_WOKEN, once: the clock then stands until the next tick, so that what is done before
+ * is done at that moment. Another moment takes the place of the one before. */
+void sim_controller_wake(SimController *controller, SimMoment moment);
 
 /* Whether the program's clock runs: then it wants ticks. Starving it does not, but what is shown
  * grows older. */

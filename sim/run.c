@@ -8,6 +8,7 @@
 /* The machine stands where the program begins, but for rounding. */
 #define SAME_PLACE_MM 1e-9
 
+static bool woken(SimController *c, GArray *actions);
 static void happen(SimController *c, GArray *actions);
 static bool finish_move(SimController *c, GArray *actions);
 static void finish_block(SimController *c, SimActionKind kind, const NcMove *last, GArray *actions);
@@ -30,6 +31,7 @@ static void show_override(const SimController *c, GArray *actions);
  * not after it. */
 void sim_run_advance(SimController *c, int64_t now_us, bool ticked, GArray *actions)
 {
+    c->woken = false;
     double elapsed_s = (double)(now_us - c->now_us) * 1e-6;
     c->now_us = now_us;
     if (c->drive.mode == SIM_STAND)
@@ -39,7 +41,9 @@ void sim_run_advance(SimController *c, int64_t now_us, bool ticked, GArray *acti
         return;
     c->budget_s += bounded ? elapsed_s * c->options.speed : 0;
     for (size_t i = 0; i < c->options.moves_per_step && c->drive.mode != SIM_STAND; i++) {
-        double next = sim_drive_next_s(&c->drive);
+        if (woken(c, actions))
+            return;
+        double next = fmin(sim_drive_next_s(&c->drive), c->wake.time_s);
         if (bounded && next > c->time_s + c->budget_s) {
             c->time_s += c->budget_s;
             c->budget_s = 0;
@@ -48,10 +52,25 @@ void sim_run_advance(SimController *c, int64_t now_us, bool ticked, GArray *acti
         if (bounded)
             c->budget_s -= next - c->time_s;
         c->time_s = fmax(c->time_s, next);
-        happen(c, actions);
+        if (c->time_s < c->wake.time_s)
+            happen(c, actions);
     }
     if (c->drive.mode == SIM_STAND)
         c->budget_s = 0;
+}
+
+/* Whether the moment that was asked for is now. */
+static bool woken(SimController *c, GArray *actions)
+{
+    const SimProgram *section = c->approaching ? NULL : c->drive.program;
+    const uint32_t line = section ? section->moves[c->drive.move].line : 0;
+    if (line < c->wake.line && c->time_s < c->wake.time_s)
+        return false;
+    SimAction action = {.kind = SIM_WOKEN, .line = line, .time_s = c->time_s};
+    g_array_append_val(actions, action);
+    c->wake = SIM_NEVER;
+    c->woken = true;
+    return true;
 }
 
 static void happen(SimController *c, GArray *actions)
@@ -83,7 +102,7 @@ static bool finish_move(SimController *c, GArray *actions)
         return true;
     }
     pass_gates(c);
-    if (c->drive.move >= section->n || move[1].line != move->line) {
+    if (c->drive.move >= section->n || move[1].begins_block) {
         finish_block(c, SIM_BLOCK, move, actions);
         c->executed_blocks++;
     }
@@ -106,6 +125,7 @@ static void finish_block(SimController *c, SimActionKind kind, const NcMove *las
     SimAction done = {.kind = kind,
                       .time_s = c->time_s,
                       .block = {.line = last->line,
+                                .block_line = last->block_line ? last->block_line : last->line,
                                 .kind = last->kind,
                                 .start_s = c->block_start_s,
                                 .end_s = c->time_s,

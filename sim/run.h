@@ -7,6 +7,8 @@
 #ifndef SIM_RUN_H
 #define SIM_RUN_H
 
+#include <math.h>
+
 #include "sim/controller.h"
 #include "sim/drive.h"
 #include "sim/spindle.h"
@@ -17,8 +19,11 @@ typedef enum {
     SIM_STOP_HELD,
     SIM_STOP_PROGRAM,
     SIM_STOP_ABORTED,
-    SIM_STOP_ESTOP
+    SIM_STOP_ESTOP /* or an alarm */
 } SimStop;
+
+/* No moment to be woken at. */
+#define SIM_NEVER ((SimMoment){UINT32_MAX, INFINITY})
 
 /* Why a machine that runs stands still. */
 typedef enum { SIM_NO_WAIT, SIM_WAIT_PASS, SIM_WAIT_PLAN, SIM_WAIT_OVERRIDE } SimWait;
@@ -55,6 +60,9 @@ struct SimController {
     bool gate_wanted; /* a hold at the next gate, once the plan's speed is reached */
     SimWait wait;
     int64_t wait_us; /* since when */
+
+    SimMoment wake; /* asked for */
+    bool woken;     /* the clock stands until the next tick */
 
     size_t gate;        /* the last one passed in this run */
     uint32_t last_line; /* of the sections left */
