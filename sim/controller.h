@@ -72,7 +72,7 @@ typedef enum {
 typedef struct {
     uint32_t line;       /* as NcMove: what the machine shows */
     uint32_t block_line; /* its own */
-    NcMoveKind kind; /* of its last action */
+    NcMoveKind kind;     /* of its last action */
     double start_s, end_s;
     SegVec3 position_mm;
     double feed_mm_min; /* programmed; 0 where nothing is fed */
