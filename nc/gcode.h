@@ -54,7 +54,6 @@ typedef struct {
     NcMoveKind kind;
     uint32_t line;       /* from 1; ascending: of a loop its last line, of a subroutine its call */
     uint32_t block_line; /* of the block itself, inside those; 0: the same */
-    bool begins_block;   /* the first action of its block, each time that is executed */
     int32_t region;      /* of the last (REGION n …) comment; 0: none yet */
     int tool;            /* in the spindle; for a tool change the new one */
     int work_offset;     /* in force: 54 … 59; 60 … 62: G59.1 … G59.3 */
