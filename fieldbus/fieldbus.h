@@ -334,6 +334,18 @@ const FbSetup *fb_receiver_setup(const FbReceiver *receiver);
 /* Counters of what was refused, for the log: one per FbAnswer. */
 const uint64_t *fb_receiver_counts(const FbReceiver *receiver);
 
+/* For a machine that does faults on purpose: what becomes of one reply of a server. */
+typedef struct {
+    unsigned copies;  /* 1: it goes; 0: it is lost; 2: it goes twice */
+    int64_t delay_us; /* it, and what comes behind it on its connection, waits so long */
+    bool corrupt; /* one bit is turned over: of the ADU within TLS, of the sealed message on CAN, */
+    uint32_t bit; /* this one, modulo how many there are */
+    bool close;   /* instead of all that the connection is closed; the bus left, on CAN */
+} FbFate;
+
+/* Asked for every reply, before it goes. May not free the server. */
+typedef FbFate (*FbReplyFilter)(void *data);
+
 /* A Modbus TCP server around a receiver; several, and other carriers' servers, may share it. `act`
  * is called for every FbDo. The clock is g_get_monotonic_time. */
 typedef struct {
@@ -353,6 +365,8 @@ uint16_t fb_modbus_server_port(const FbModbusServer *server); /* what port 0 bec
 uint64_t fb_modbus_server_exceptions(const FbModbusServer *server);
 /* TLS handshakes that failed so far, for the log. */
 uint64_t fb_modbus_server_refused(const FbModbusServer *server);
+/* Whom to ask for the fate of replies; NULL: nobody. */
+void fb_modbus_server_filter(FbModbusServer *server, FbReplyFilter filter, void *data);
 void fb_modbus_server_free(FbModbusServer *server);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbModbusServer, fb_modbus_server_free)
 
@@ -385,6 +399,8 @@ FbCanServer *fb_can_server_new(const FbCanOptions *options, FbReceiver *receiver
                                void (*act)(FbDo what, void *data), void *data,
                                GMainContext *context, GError **error);
 FbCanCounts fb_can_server_counts(const FbCanServer *server);
+/* The same; answers are replies, beats are none. */
+void fb_can_server_filter(FbCanServer *server, FbReplyFilter filter, void *data);
 void fb_can_server_free(FbCanServer *server);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(FbCanServer, fb_can_server_free)
 

@@ -13,6 +13,10 @@ static const Row table[] = {
      "Move the part or its work offset, change the S word, or use another machine."},
     {SIM_ALARM_ESTOP, "emergency stop pressed",
      "Make the machine safe, acknowledge at the machine, start anew."},
+    {SIM_ALARM_TOOL, "the tool is not in the magazine",
+     "Put the tool into the magazine, acknowledge at the machine, start anew."},
+    {SIM_ALARM_SWITCH, "an axis has hit its limit switch",
+     "Free the axis, acknowledge at the machine, start anew."},
 };
 
 static const Row *row(SimAlarm alarm)

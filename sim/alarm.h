@@ -12,6 +12,8 @@ typedef enum {
     SIM_ALARM_PROGRAM = 101, /* a block that the machine does not know or cannot execute */
     SIM_ALARM_LIMIT = 102,   /* a limit of travel or spindle speed */
     SIM_ALARM_ESTOP = 201,   /* the emergency stop is pressed */
+    SIM_ALARM_TOOL = 202,    /* a fault on purpose: the magazine does not have the tool */
+    SIM_ALARM_SWITCH = 203,  /* a fault on purpose: an axis has hit its limit switch */
 } SimAlarm;
 
 /* What it is, where nothing more is known, and what to do. */

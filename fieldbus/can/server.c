@@ -11,6 +11,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
+#include "fieldbus/replies.h"
 #include "fieldbus/source.h"
 
 enum {
@@ -37,6 +38,7 @@ typedef struct {
 struct FbCanServer {
     FbCanBus bus;
     FbCanSlave *slave;
+    FbReplies *replies;
     uint16_t base;
     unsigned agents;
     FbReceiver *receiver;
@@ -62,11 +64,19 @@ static void tick(FbCanServer *s);
 static void answer_and_do(FbCanServer *s, unsigned agent, FbCanChannel channel,
                           const FbCanAnswer *answer)
 {
-    const Port *port = port_of(s, channel, agent, answer->fd);
-    if (answer->n > 0 && !fb_can_write_message(port->file, answer->bytes, answer->n))
-        s->counts.unsent++;
+    Port *port = port_of(s, channel, agent, answer->fd);
+    const bool stays =
+        answer->n == 0 || fb_replies_send(s->replies, port, answer->bytes, answer->n);
     fb_do_actions(s->actions, s->act, s->data);
+    if (!stays)
+        break_bus(s);
     tick(s);
+}
+
+static void send_reply(void *port, const uint8_t *bytes, size_t n, void *data)
+{
+    if (!fb_can_write_message(((Port *)port)->file, bytes, n))
+        ((FbCanServer *)data)->counts.unsent++;
 }
 
 static gboolean on_message(gint file, GIOCondition condition, gpointer data)
@@ -202,6 +212,12 @@ static void unwatch(Port *port)
     fb_source_end(&port->source);
 }
 
+static void forget_replies(Port *port)
+{
+    if (port->server)
+        fb_replies_forget(port->server->replies, port);
+}
+
 static void close_port(Port *port)
 {
     unwatch(port);
@@ -271,6 +287,7 @@ static void break_bus(FbCanServer *s)
     s->up = false;
     s->counts.breaks++;
     for_each_port(s, unwatch);
+    for_each_port(s, forget_replies);
     s->retry_us = g_get_monotonic_time() + RETRY_US;
     tick(s);
 }
@@ -289,6 +306,7 @@ FbCanServer *fb_can_server_new_on(FbCanBus bus, const FbCanSlaveOptions *options
     s->bus = bus;
     s->slave = fb_can_slave_new(&with_fd, receiver);
     explicit_bzero(&with_fd, sizeof with_fd);
+    s->replies = fb_replies_new(send_reply, s, context);
     s->base = options->base;
     s->agents = options->agents;
     s->receiver = receiver;
@@ -326,6 +344,11 @@ FbCanCounts fb_can_server_counts(const FbCanServer *s)
     return counts;
 }
 
+void fb_can_server_filter(FbCanServer *s, FbReplyFilter filter, void *data)
+{
+    fb_replies_filter(s->replies, filter, data);
+}
+
 void fb_can_server_free(FbCanServer *s)
 {
     if (!s)
@@ -333,6 +356,7 @@ void fb_can_server_free(FbCanServer *s)
     for_each_port(s, close_port);
     fb_source_end(&s->clock);
     g_array_unref(s->actions);
+    fb_replies_free(s->replies);
     fb_can_slave_free(s->slave);
     fb_can_bus_clear(&s->bus);
     g_main_context_unref(s->context);

@@ -8,6 +8,7 @@
 #include <sys/socket.h>
 
 #include "fieldbus/modbus/slave.h"
+#include "fieldbus/replies.h"
 #include "fieldbus/source.h"
 
 enum {
@@ -23,6 +24,7 @@ struct FbModbusServer {
     GMainContext *context;
     FbReceiver *receiver;
     FbModbusSlave *slave;
+    FbReplies *replies;
     FbTls *tls; /* NULL: plain */
     void (*act)(FbDo what, void *data);
     void *data;
@@ -32,6 +34,7 @@ struct FbModbusServer {
 };
 
 static void tick(FbModbusServer *s);
+static void drop(FbModbusServer *s, FbMbap *client);
 
 static void on_adu(FbMbap *client, const uint8_t *adu, size_t n, void *data)
 {
@@ -40,7 +43,14 @@ static void on_adu(FbMbap *client, const uint8_t *adu, size_t n, void *data)
     fb_modbus_slave_adu(s->slave, fb_mbap_role(client), adu, n, g_get_monotonic_time(), &answer);
     if (answer.times_moved)
         tick(s);
-    fb_mbap_send(client, answer.bytes, answer.n);
+    if (!fb_replies_send(s->replies, client, answer.bytes, answer.n))
+        drop(s, client);
+}
+
+static void send_reply(void *client, const uint8_t *bytes, size_t n, void *data)
+{
+    (void)data;
+    fb_mbap_send(client, bytes, n);
 }
 
 /* ------------------------------------------------------------------- connections */
@@ -51,6 +61,12 @@ static void on_broken(FbMbap *client, const char *why, void *data)
     FbModbusServer *s = data;
     if (s->tls && fb_mbap_role(client) == FB_ROLE_NONE)
         s->refused++;
+    drop(s, client);
+}
+
+static void drop(FbModbusServer *s, FbMbap *client)
+{
+    fb_replies_forget(s->replies, client);
     g_ptr_array_remove_fast(s->clients, client);
 }
 
@@ -72,7 +88,7 @@ static void make_room(FbModbusServer *s, bool ready, const FbMbap *newcomer)
         return;
     if (s->tls && !ready)
         s->refused++;
-    g_ptr_array_remove_fast(s->clients, oldest);
+    drop(s, oldest);
 }
 
 static void on_ready(FbMbap *client, void *data)
@@ -143,6 +159,7 @@ FbModbusServer *fb_modbus_server_new(const FbModbusServerOptions *options, FbRec
     s->receiver = receiver;
     s->act = act;
     s->data = data;
+    s->replies = fb_replies_new(send_reply, NULL, context);
     s->slave = fb_modbus_slave_new(options->unit_id, receiver, act, data);
     s->context = context ? g_main_context_ref(context) : NULL;
     s->clients = g_ptr_array_new_with_free_func((GDestroyNotify)fb_mbap_free);
@@ -177,6 +194,11 @@ uint64_t fb_modbus_server_refused(const FbModbusServer *s)
     return s->refused;
 }
 
+void fb_modbus_server_filter(FbModbusServer *s, FbReplyFilter filter, void *data)
+{
+    fb_replies_filter(s->replies, filter, data);
+}
+
 void fb_modbus_server_free(FbModbusServer *s)
 {
     if (!s)
@@ -187,6 +209,7 @@ void fb_modbus_server_free(FbModbusServer *s)
     g_array_unref(s->actions);
     g_clear_object(&s->listener);
     fb_tls_unref(s->tls);
+    fb_replies_free(s->replies);
     fb_modbus_slave_free(s->slave);
     if (s->context)
         g_main_context_unref(s->context);
