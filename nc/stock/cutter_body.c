@@ -56,23 +56,23 @@ NcBody nc_body_cutting(const CfgTool *tool)
     return body;
 }
 
-static NcBody cylinder(double bottom, double top, double diameter)
+NcBody nc_body_cylinder(double bottom, double top, double diameter_mm)
 {
-    NcBody body = {.bottom = bottom, .top = top, .radius = diameter / 2};
-    if (diameter > 0)
-        add_frustum(&body, bottom, diameter / 2, top, diameter / 2);
+    NcBody body = {.bottom = bottom, .top = top, .radius = diameter_mm / 2};
+    if (diameter_mm > 0)
+        add_frustum(&body, bottom, body.radius, top, body.radius);
     return body;
 }
 
 NcBody nc_body_shank(const CfgTool *tool)
 {
     double diameter = tool->shank_diameter_mm > 0 ? tool->shank_diameter_mm : tool->diameter_mm;
-    return cylinder(tool->flute_length_mm, tool->stickout_mm, diameter);
+    return nc_body_cylinder(tool->flute_length_mm, tool->stickout_mm, diameter);
 }
 
 NcBody nc_body_holder(const CfgTool *tool)
 {
-    return cylinder(tool->stickout_mm, tool->length_mm, tool->holder_diameter_mm);
+    return nc_body_cylinder(tool->stickout_mm, tool->length_mm, tool->holder_diameter_mm);
 }
 
 bool nc_body_is_empty(const NcBody *body)

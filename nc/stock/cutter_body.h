@@ -44,6 +44,8 @@ NcBody nc_body_shank(const CfgTool *tool);
 /* From the holder's nose to the gauge line; empty where the tool has no such part. */
 NcBody nc_body_holder(const CfgTool *tool);
 
+NcBody nc_body_cylinder(double bottom, double top, double diameter_mm);
+
 bool nc_body_is_empty(const NcBody *body);
 
 /* Height of the body's lower face at this distance from the axis; INFINITY beyond its radius. */
