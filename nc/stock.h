@@ -73,7 +73,7 @@ typedef struct {
     uint32_t first_line, last_line; /* of the blocks that made it */
 } NcMeshTriangle;
 
-/* Closed, manifold, outward. */
+/* Closed, manifold, outward. Coordinates are of single precision, which is what files hold. */
 typedef struct {
     SegVec3 *vertices;
     size_t n_vertices;
@@ -85,5 +85,12 @@ typedef struct {
 NcMesh *nc_stock_mesh(const NcStock *stock);
 void nc_mesh_free(NcMesh *mesh);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcMesh, nc_mesh_free)
+
+/*
+ * Writes the mesh beside `path` and renames it: OFF where the name ends in .off, each face with its
+ * tool and lines behind it; else binary STL, the tool in the attribute of each facet, and
+ * `path`.json with the lines (docs/stock.md). Errors: G_FILE_ERROR.
+ */
+bool nc_mesh_write(const NcMesh *mesh, const char *path, GError **error);
 
 #endif
