@@ -1,0 +1,41 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * The cut part measured along single lines: exact where a grid of dexels has a pitch. A line is cut
+ * by what each move sweeps; what is left of it tells how far the part's surface lies from a point.
+ */
+#ifndef NC_STOCK_PROBE_H
+#define NC_STOCK_PROBE_H
+
+#include "nc/stock.h"
+
+/* Arcs are swept as chords that lie this near to them. */
+#define NC_PROBING_CHORD_MM 1e-4
+
+/* The moves of a program by place. Immutable: it may be asked from many threads. */
+typedef struct NcProbing NcProbing;
+
+/* `zero` is the work zero in machine coordinates of the gauge point. The moves (G0 to G3) are read
+ * here and not kept. Errors: NC_ERROR_PROGRAM, with the line, for a tool that the table does not
+ * have and for moves with a rotary axis away from zero. */
+NcProbing *nc_probing_new(const NcMove *moves, size_t n, SegVec3 zero, const CfgToolTable *tools,
+                          GError **error);
+void nc_probing_free(NcProbing *probing);
+G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcProbing, nc_probing_free)
+
+#define NC_PROBING_UNCUT SIZE_MAX
+
+typedef struct {
+    double deviation_mm;
+    size_t move; /* that made the surface found; NC_PROBING_UNCUT: none, it is the stock's */
+} NcProbed;
+
+/*
+ * Where the surface of the cut part lies on the line through `point` along the outward unit normal,
+ * from the point: where material is left at the point, outward to the first place without
+ * (deviation > 0); where it is gone, inward to the first that is left (deviation < 0). Without a
+ * cut the material ends `stock_mm` outside of the point, inside of it where that is negative.
+ */
+NcProbed nc_probing_measure(const NcProbing *probing, SegVec3 point, SegVec3 normal,
+                            double stock_mm);
+
+#endif
