@@ -32,6 +32,13 @@ NcSetup nc_setup_new(const SegPart *part, CfgUp up, CfgZero zero);
 SegVec3 nc_setup_point(const NcSetup *setup, SegVec3 part_point);
 SegVec3 nc_setup_direction(const NcSetup *setup, SegVec3 part_direction);
 
+/* What is clamped on the machine before the first cut, as [stock] of the recipe says: the part with
+ * the allowance on every face (rounded where the part is sharp), a box, a cylinder, or a file. A
+ * part that is not closed gets the allowance on both sides of its faces. Errors: NC_ERROR_PLAN;
+ * SEG_ERROR of the file. */
+NcStock *nc_stock_from_recipe(const SegPart *part, const NcSetup *setup, const CfgRecipe *recipe,
+                              const NcStockOptions *options, GError **error);
+
 /* ------------------------------------------------------------------------ budget */
 
 /* The shares of quality.tolerance_mm; their sum is at most the tolerance. */

@@ -33,6 +33,9 @@ NcStock *nc_stock_new_cylinder(SegVec3 base, double diameter_mm, double height_m
 NcStock *nc_stock_new_mesh(const SegVec3 *vertices, size_t n_vertices,
                            const int32_t (*triangles)[3], size_t n_triangles,
                            const NcStockOptions *options, GError **error);
+/* A closed body from STL, OFF, IGES or STEP (seg_part_load), in workpiece coordinates. Errors:
+ * NC_ERROR_PLAN; SEG_ERROR of the file. */
+NcStock *nc_stock_load(const char *path, const NcStockOptions *options, GError **error);
 void nc_stock_free(NcStock *stock);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcStock, nc_stock_free)
 
