@@ -51,16 +51,18 @@ NcCellPatches *nc_cell_table_new(void)
 NcFaceLines nc_cell_lower_face(const NcMeshGrid *grid, const int32_t node[3],
                                const NcCellPatches *patches, int axis)
 {
-    int32_t below[3] = {node[0], node[1], node[2]};
-    below[axis]--;
-    const uint8_t corners = nc_cell_corners(grid, below);
-    if (!is_ambiguous(corners, axis, 1))
-        return NC_FACE_SINGLE;
-    const NcCellPatches other = nc_cell_patches(grid, below, corners);
     int mine[4], its[4];
     nc_cell_face_edges(axis, 0, mine);
     nc_cell_face_edges(axis, 1, its);
-    if (patches->of_edge[mine[ALONG_U_LOW]] != patches->of_edge[mine[ALONG_U_HIGH]] ||
+    const uint8_t *of_edge = patches->of_edge;
+    for (int e = 0; e < 4; e++)
+        if (of_edge[mine[e]] == NC_NO_PATCH)
+            return NC_FACE_SINGLE;
+    int32_t below[3] = {node[0], node[1], node[2]};
+    below[axis]--;
+    const uint8_t corners = nc_cell_corners(grid, below);
+    const NcCellPatches other = nc_cell_patches(grid, below, corners);
+    if (of_edge[mine[ALONG_U_LOW]] != of_edge[mine[ALONG_U_HIGH]] ||
         other.of_edge[its[ALONG_U_LOW]] != other.of_edge[its[ALONG_U_HIGH]])
         return NC_FACE_SINGLE;
     return goes_around_first(corners, axis, 1, is_joined(grid, node, axis))

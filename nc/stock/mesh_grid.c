@@ -78,20 +78,32 @@ static size_t ends_below(const NcDexelEnd *ends, size_t n, int64_t depth)
     return first;
 }
 
+static NcDexelEnd unseen_end(int axis, bool upwards, int64_t low, int64_t high)
+{
+    const double out = upwards ? 1 : -1;
+    NcDexelEnd end = {.depth = (int32_t)((low + high) / 2)};
+    nc_dexel_set_normal(&end,
+                        seg_vec3(axis == 0 ? out : 0, axis == 1 ? out : 0, axis == 2 ? out : 0));
+    return end;
+}
+
+/* Where a surface grazes a node within rounding its rays may disagree: then the nearest end serves,
+ * or the middle of the edge, so that the mesh is closed all the same. */
 NcCrossing nc_mesh_crossing(const NcMeshGrid *grid, int axis, const int32_t node[3])
 {
     const NcStock *stock = grid->stock;
     const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const int64_t low = (int64_t)(node[axis] - 1) << stock->shift;
-    const int64_t high = (int64_t)node[axis] << stock->shift;
+    const int64_t low = (int64_t)(node[axis] - 1) * ((int64_t)1 << stock->shift);
+    const int64_t high = low + ((int64_t)1 << stock->shift);
     const bool upwards = nc_mesh_inside(grid, node); /* out of the material */
     size_t n;
     const NcDexelEnd *ends = nc_dexel_ray(stock, axis, node[u] - 1, node[v] - 1, &n);
-    const size_t at = upwards ? ends_below(ends, n, low) : ends_below(ends, n, high) - 1;
-    g_assert(at < n && ends[at].depth > low && ends[at].depth < high);
-    const NcCut *cut = &stock->cuts[ends[at].cut];
-    const SegVec3 normal = nc_dexel_normal(&ends[at]);
-    return (NcCrossing){.at = (double)(ends[at].depth - low) / (double)(high - low),
+    size_t at = upwards ? ends_below(ends, n, low) : ends_below(ends, n, high);
+    at -= at > 0 && (!upwards || at == n);
+    const NcDexelEnd end = n > 0 ? ends[at] : unseen_end(axis, upwards, low, high);
+    const NcCut *cut = &stock->cuts[end.cut];
+    const SegVec3 normal = nc_dexel_normal(&end);
+    return (NcCrossing){.at = CLAMP((double)(end.depth - low) / (double)(high - low), 0, 1),
                         .normal = {normal.x, normal.y, normal.z},
                         .tool = cut->tool,
                         .line = cut->line};
