@@ -281,7 +281,9 @@ static bool arc_to_line(const NcCompensation *c, const Element *e, const NcMove 
 {
     NcPlanePoint centre = in_plane(c, arc->centre);
     double radius = length(difference(in_plane(c, c->offset), centre));
-    double height = c->radius_mm - dot(difference(centre, e->from), e->normal);
+    double programmed = radius + (waiting_arc_inside(c) ? c->radius_mm : -c->radius_mm);
+    NcPlanePoint inward = unit(difference(centre, e->from));
+    double height = c->radius_mm - programmed * dot(inward, e->normal);
     return line_meets_circle(centre, radius, e->normal, height,
                              waiting_arc_inside(c) ? opposite(e->tangent) : e->tangent, meet);
 }
