@@ -81,8 +81,10 @@ void sim_log_state(SimLog *log, FbState state, double time_s)
 
 void sim_log_block(SimLog *log, const SimBlock *block)
 {
-    g_string_printf(log->line, "{\"line\":%u,\"kind\":\"%s\",", block->line,
-                    kind_name(block->kind));
+    g_string_printf(log->line, "{\"line\":%u,", block->line);
+    if (block->block_line != block->line)
+        g_string_append_printf(log->line, "\"block_line\":%u,", block->block_line);
+    g_string_append_printf(log->line, "\"kind\":\"%s\",", kind_name(block->kind));
     append_course(log->line, block);
     g_string_append(log->line, ",\"feed_mm_min\":");
     cfg_number_append(log->line, block->feed_mm_min);
@@ -105,6 +107,16 @@ void sim_log_override(SimLog *log, NcOverride override, double time_s)
     g_string_printf(log->line,
                     "{\"override\":{\"feed\":%d,\"rapid\":%d,\"spindle\":%d},\"time_s\":",
                     override.feed, override.rapid, override.spindle);
+    cfg_number_append(log->line, time_s);
+    g_string_append_c(log->line, '}');
+    write_line(log, true);
+}
+
+void sim_log_fault(SimLog *log, const char *spec, double time_s)
+{
+    g_string_assign(log->line, "{\"fault\":");
+    append_string(log->line, spec);
+    g_string_append(log->line, ",\"time_s\":");
     cfg_number_append(log->line, time_s);
     g_string_append_c(log->line, '}');
     write_line(log, true);

@@ -22,6 +22,11 @@
 
 #define UNIT_ID 1
 
+/* With nobody there: how often it looks, and how long the machine stands before it acknowledges. An
+ * agent with the default heartbeat has seen the alarm by then. */
+#define ATTEND_MS 50
+#define ATTEND_US 1000000
+
 struct SimMachine {
     SimMachineOptions options;
     SimController *controller;
@@ -33,8 +38,11 @@ struct SimMachine {
     bool verifying;   /* what is being examined is the answer to VERIFY */
     size_t n_fed;     /* passes given to `feed` */
     unsigned refused; /* programs, at VERIFY and while they dripped */
-    FbAlarm fault;    /* why a pass cannot be executed; code 0: all can. Its text is: */
-    char *fault_text;
+    FbAlarm fault;    /* why a pass cannot be executed; code 0: all can. Or of a fault on purpose */
+    char *fault_text; /* its text */
+    bool off;         /* the power is cut */
+    guint attending;  /* source; 0: a person is there */
+    int64_t asked_us; /* since when it wants an acknowledgement; 0: it does not */
 };
 
 static void act(FbDo what, void *data);
@@ -52,6 +60,10 @@ static void carry_out(SimMachine *machine, const SimAction *action);
 static void tell(SimMachine *machine, FbMachineEvent event, const FbAlarm *alarm);
 static void publish_setup(SimMachine *machine, int work_offset);
 static GSource *clock_new(SimMachine *machine);
+static void count_jobs(SimMachine *machine, SimTotals before);
+static void do_faults(SimMachine *machine, SimFaultEvent event, double time_s, FbFate *fate);
+static FbFate fate_of_reply(void *data);
+static gboolean attend(void *data);
 
 SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
 {
@@ -81,6 +93,12 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
         !join_can(machine, error))
         return NULL;
     step_by(machine, SIM_TICK);
+    if (options->faults)
+        do_faults(machine, (SimFaultEvent){.kind = SIM_FAULT_BOOTED}, 0, NULL);
+    if (options->acknowledge) {
+        attend(machine);
+        machine->attending = g_timeout_add(ATTEND_MS, attend, machine);
+    }
     return g_steal_pointer(&machine);
 }
 
@@ -91,6 +109,8 @@ static bool listen_on(SimMachine *machine, const SimAddress *at, const CfgTls *t
         .host = at->host, .port = at->port, .unit_id = UNIT_ID, .tls = tls};
     if (at->host)
         *server = fb_modbus_server_new(&options, machine->receiver, act, machine, NULL, error);
+    if (*server && machine->options.faults)
+        fb_modbus_server_filter(*server, fate_of_reply, machine);
     return !at->host || *server;
 }
 
@@ -109,6 +129,8 @@ static bool join_can(SimMachine *machine, GError **error)
         return false;
     }
     machine->can = fb_can_server_new(&options, machine->receiver, act, machine, NULL, error);
+    if (machine->can && machine->options.faults)
+        fb_can_server_filter(machine->can, fate_of_reply, machine);
     return machine->can != NULL;
 }
 
@@ -116,6 +138,7 @@ void sim_machine_free(SimMachine *machine)
 {
     if (!machine)
         return;
+    g_clear_handle_id(&machine->attending, g_source_remove);
     g_clear_pointer(&machine->plain, fb_modbus_server_free);
     g_clear_pointer(&machine->secure, fb_modbus_server_free);
     g_clear_pointer(&machine->can, fb_can_server_free);
@@ -141,6 +164,13 @@ uint16_t sim_machine_tls_port(const SimMachine *machine)
 void sim_machine_press(SimMachine *machine, SimEventKind button)
 {
     step_by(machine, button);
+}
+
+bool sim_machine_owned(const SimMachine *machine)
+{
+    FbStatus status;
+    fb_receiver_status(machine->receiver, g_get_monotonic_time(), &status);
+    return status.lease_owner != 0 && !status.agent_lost;
 }
 
 char *sim_machine_summary(const SimMachine *machine)
@@ -277,6 +307,8 @@ static void examined(GPtrArray *programs, const GError *error, void *data)
         refuse(machine, error);
     if (verifying && error) {
         tell(machine, FB_MACHINE_REFUSED, &machine->fault);
+        if (machine->options.calls.ended)
+            machine->options.calls.ended(false, machine->options.calls.data);
         return;
     }
     if (verifying)
@@ -301,6 +333,13 @@ static void planned(SimProgram *program, SimPlan *plan, void *data)
 static void step(SimMachine *machine, SimEvent event)
 {
     g_autoptr(GArray) actions = g_array_new(FALSE, FALSE, sizeof(SimAction));
+    const SimTotals before = sim_controller_totals(machine->controller);
+    if (machine->off) {
+        sim_plan_unref(event.plan);
+        if (!event.plan)
+            sim_program_unref(event.program);
+        return;
+    }
     if (event.kind == SIM_ESTOP && machine->verifying) {
         machine->verifying = false;
         sim_feed_begin(machine->feed);
@@ -320,6 +359,7 @@ static void step(SimMachine *machine, SimEvent event)
                             moving || progress.starving ? g_get_monotonic_time() + pause_us : -1);
     for (guint i = 0; i < actions->len; i++)
         carry_out(machine, &g_array_index(actions, SimAction, i));
+    count_jobs(machine, before);
 }
 
 static void step_by(SimMachine *machine, SimEventKind kind)
@@ -350,6 +390,10 @@ static void carry_out(SimMachine *machine, const SimAction *action)
         if (log)
             sim_log_override(log, action->override, action->time_s);
         break;
+    case SIM_WOKEN:
+        do_faults(machine, (SimFaultEvent){.kind = SIM_FAULT_TICK, .line = action->line},
+                  action->time_s, NULL);
+        break;
     case SIM_TELL:
         tell(machine, action->event,
              action->event == FB_MACHINE_ESTOP   ? &estop
@@ -372,6 +416,92 @@ static void tell(SimMachine *machine, FbMachineEvent event, const FbAlarm *alarm
     fb_receiver_machine(machine->receiver, event, alarm, g_get_monotonic_time(), actions);
     for (guint i = 0; i < actions->len; i++)
         act(g_array_index(actions, FbDo, i), machine);
+}
+
+/* ------------------------------------------------------------------ jobs and faults */
+
+static void count_jobs(SimMachine *machine, SimTotals before)
+{
+    const SimMachineCalls *calls = &machine->options.calls;
+    const SimTotals now = sim_controller_totals(machine->controller);
+    const bool complete = now.completed > before.completed;
+    const bool bad = now.aborted > before.aborted || now.stopped > before.stopped;
+    if (calls->ended && (complete || bad))
+        calls->ended(complete, calls->data);
+}
+
+/* A run that is cut off has ended, too. */
+static void cut_power(SimMachine *machine)
+{
+    const SimMachineCalls *calls = &machine->options.calls;
+    const SimTotals t = sim_controller_totals(machine->controller);
+    machine->off = true;
+    if (calls->ended && t.started > t.completed + t.aborted + t.stopped)
+        calls->ended(false, calls->data);
+    if (calls->cut)
+        calls->cut(calls->data);
+}
+
+static void fail_on_purpose(SimMachine *machine, const FbAlarm *alarm)
+{
+    g_free(machine->fault_text);
+    machine->fault_text = g_strdup(alarm->text);
+    machine->fault = (FbAlarm){alarm->code, machine->fault_text, alarm->advice};
+    step_by(machine, SIM_FAIL);
+}
+
+/* `fate`: of the reply that is about to go. */
+static void do_faults(SimMachine *machine, SimFaultEvent event, double time_s, FbFate *fate)
+{
+    SimFaults *faults = machine->options.faults;
+    g_autoptr(GArray) actions = g_array_new(FALSE, FALSE, sizeof(SimFaultDo));
+    sim_faults_step(faults, &event, time_s, actions);
+    sim_controller_wake(machine->controller, sim_faults_next(faults));
+    for (guint i = 0; i < actions->len; i++) {
+        const SimFaultDo *what = &g_array_index(actions, SimFaultDo, i);
+        if (what->kind == SIM_FAULT_DO_NOTE && machine->options.log)
+            sim_log_fault(machine->options.log, what->spec, time_s);
+        else if (what->kind == SIM_FAULT_DO_EVENT && what->event == SIM_FAIL)
+            fail_on_purpose(machine, &what->alarm);
+        else if (what->kind == SIM_FAULT_DO_EVENT)
+            step_by(machine, what->event);
+        else if (what->kind == SIM_FAULT_DO_CUT)
+            cut_power(machine);
+        else if (what->kind == SIM_FAULT_DO_FATE)
+            *fate = what->fate;
+    }
+}
+
+static FbFate fate_of_reply(void *data)
+{
+    SimMachine *machine = data;
+    const FbProgress now = sim_controller_progress(machine->controller);
+    FbFate fate = {.copies = 1};
+    do_faults(machine, (SimFaultEvent){.kind = SIM_FAULT_FRAME}, now.program_time_ms / 1000.0,
+              &fate);
+    return fate;
+}
+
+/* ------------------------------------------------------------------ nobody is there */
+
+static gboolean attend(void *data)
+{
+    SimMachine *machine = data;
+    const int64_t now_us = g_get_monotonic_time();
+    FbStatus status;
+    fb_receiver_status(machine->receiver, now_us, &status);
+    const bool fresh = status.state == FB_STATE_OFF;
+    const bool wanted = fresh || status.state == FB_STATE_ALARM || status.state == FB_STATE_ESTOP ||
+                        status.needs_acknowledge;
+    if (!wanted || sim_controller_moving(machine->controller))
+        machine->asked_us = 0;
+    else if (machine->asked_us == 0)
+        machine->asked_us = now_us;
+    if (fresh || (machine->asked_us > 0 && now_us - machine->asked_us >= ATTEND_US)) {
+        machine->asked_us = 0;
+        step_by(machine, SIM_ACKNOWLEDGE);
+    }
+    return G_SOURCE_CONTINUE;
 }
 
 /* -------------------------------------------------------------------------- clock */

@@ -3,7 +3,7 @@
 #ifndef SIM_MACHINE_H
 #define SIM_MACHINE_H
 
-#include "sim/controller.h"
+#include "sim/fault.h"
 #include "sim/log.h"
 
 /* Where a server listens. */
@@ -11,6 +11,15 @@ typedef struct {
     char *host;    /* NULL: nowhere */
     uint16_t port; /* 0: any free one */
 } SimAddress;
+
+/* What the owner of a machine is told; NULL: nothing. Not the place to free it. */
+typedef struct {
+    /* A job has ended: a run, or a program that was refused at VERIFY. */
+    void (*ended)(bool complete, void *data);
+    /* A fault has cut the power: the machine does nothing any more. Free it, and begin anew. */
+    void (*cut)(void *data);
+    void *data;
+} SimMachineCalls;
 
 typedef struct {
     const CfgMachine *machine;
@@ -20,7 +29,11 @@ typedef struct {
     const char *can_interface; /* NULL: no CAN; else with the machine's key */
     double speed;              /* as SimControllerOptions */
     uint32_t epoch;
-    SimLog *log; /* may be NULL; stays the caller's */
+    SimLog *log;       /* may be NULL; stays the caller's */
+    SimFaults *faults; /* the same; goes on with the next machine */
+    bool acknowledge;  /* nobody is there: it acknowledges by itself, as soon as agents have had a
+                          second to see what happened */
+    SimMachineCalls calls;
 } SimMachineOptions;
 
 typedef struct SimMachine SimMachine;
@@ -37,8 +50,11 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimMachine, sim_machine_free)
 uint16_t sim_machine_port(const SimMachine *machine);
 uint16_t sim_machine_tls_port(const SimMachine *machine);
 
-/* What a person does at the machine: SIM_ACKNOWLEDGE or SIM_ESTOP. */
+/* What a person does at the machine: SIM_ACKNOWLEDGE, SIM_ESTOP, SIM_HOLD or SIM_RESUME. */
 void sim_machine_press(SimMachine *machine, SimEventKind button);
+
+/* Whether an agent that is heard has the lease. */
+bool sim_machine_owned(const SimMachine *machine);
 
 /* What has been done since the start, some lines of text; caller frees. */
 char *sim_machine_summary(const SimMachine *machine);
