@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Canned cycles G73, G81 to G86 and G89 as moves [NIST 3.5.16; LinuxCNC 2.9]: to above the hole, to
+/* Canned cycles G73 and G81 to G89 as moves [NIST 3.5.16; LinuxCNC 2.9]: to above the hole, to
  * the R plane, the hole, and back to the R plane (G99) or to where the cycles began (G98). */
 #include "nc/gcode/interpreter.h"
 
@@ -11,8 +11,10 @@
 
 /* Along the plane's normal, machine coordinates. */
 typedef struct {
+    NcPlaneAxes axes;
     int normal;
     double r, bottom, clear;
+    double top; /* G87: of the counterbore */
 } Hole;
 
 static void drill(NcExecution *x, const Hole *hole);
@@ -47,13 +49,17 @@ static bool keep_words(NcExecution *x, int normal, GError **error)
     int code = x->block->motion;
     double dwell_s = modal->cycle.dwell_s;
     if (modal->cycle.code != code)
-        modal->cycle = (NcCycle){code, NAN, NAN, NAN, code == 840 ? dwell_s : (double)NAN};
+        modal->cycle =
+            (NcCycle){code, NAN, NAN, NAN, code == 840 ? dwell_s : (double)NAN, {NAN, NAN, NAN}};
     NcCycle *cycle = &modal->cycle;
     double unit = modal->unit_mm;
     if (!keep_word(x, (char)('X' + normal), unit, &cycle->bottom_mm, error) ||
         !keep_word(x, 'R', unit, &cycle->r_mm, error))
         return false;
-    if ((code == 820 || code == 860 || code == 890) &&
+    for (int i = 0; code == 870 && i < 3; i++)
+        if (!keep_word(x, (char)('I' + i), unit, &cycle->offset_mm[i], error))
+            return false;
+    if ((code == 820 || code == 860 || code == 880 || code == 890) &&
         !keep_word(x, 'P', 1.0, &cycle->dwell_s, error))
         return false;
     if (code == 840 && nc_word(x->block, 'P'))
@@ -72,21 +78,23 @@ static bool check_spindle(const NcExecution *x, GError **error)
     if (code == 840 && x->modal.spindle <= 0)
         return nc_word_error(error, x->modal.line, nc_motion_word(x->block),
                              "needs the spindle turning clockwise (M3)");
-    if (code == 860 && x->modal.spindle == 0)
+    if (code >= 860 && code <= 880 && x->modal.spindle == 0)
         return nc_word_error(error, x->modal.line, nc_motion_word(x->block),
                              "needs the spindle turning");
     return true;
 }
 
 /* Where the words lead; with G91 the R plane counts from where the tool is, the bottom from R. */
-static bool find_hole(NcExecution *x, int normal, double level, Hole *hole, GError **error)
+static bool find_hole(NcExecution *x, NcPlaneAxes axes, double level, Hole *hole, GError **error)
 {
     const NcModal *modal = &x->modal;
     SegVec3 shift = nc_program_shift(x);
-    double base = modal->incremental ? level : nc_axis_value(shift, normal);
-    hole->normal = normal;
+    double base = modal->incremental ? level : nc_axis_value(shift, axes.normal);
+    hole->axes = axes;
+    hole->normal = axes.normal;
     hole->r = base + modal->cycle.r_mm;
     hole->bottom = (modal->incremental ? hole->r : base) + modal->cycle.bottom_mm;
+    hole->top = (modal->incremental ? hole->bottom : base) + modal->cycle.offset_mm[axes.normal];
     return hole->r >= hole->bottom || nc_word_error(error, modal->line, nc_motion_word(x->block),
                                                     "has its R plane below the bottom of the hole");
 }
@@ -115,7 +123,7 @@ bool nc_run_cycle(NcExecution *x, SegVec3 target, GError **error)
         modal->cycle_level_mm = here - shift;
     double begun = modal->cycle_level_mm + shift;
     double level = modal->retract_r ? here : fmax(here, begun);
-    if (!find_hole(x, axes.normal, level, &hole, error) ||
+    if (!find_hole(x, axes, level, &hole, error) ||
         !check_count(x, &hole, l ? l->value : 1.0, error))
         return false;
     if (level < hole.r)
@@ -186,6 +194,48 @@ static void bore(NcExecution *x, const Hole *hole)
     turn(x, direction);
 }
 
+/* The person at the machine retracts the tool while it stands. */
+static void bore_by_hand(NcExecution *x, const Hole *hole)
+{
+    int direction = x->modal.spindle;
+    dwell(x);
+    turn(x, 0);
+    go(x, NC_MOVE_STOP, hole->normal, hole->clear);
+    turn(x, direction);
+}
+
+static void stop_turned(NcExecution *x)
+{
+    turn(x, 0);
+    nc_append_move(x, NC_MOVE_ORIENT)->orient = (NcOrient){0.0, 0, 0.0};
+}
+
+/* Through the hole beside its axis, with the spindle standing, and up from below. */
+static void bore_back(NcExecution *x, const Hole *hole)
+{
+    int direction = x->modal.spindle;
+    const SegVec3 centre = x->modal.position;
+    const double *offset = x->modal.cycle.offset_mm;
+    SegVec3 beside = centre, below = centre;
+    *nc_axis(&beside, hole->axes.first) += offset[hole->axes.first];
+    *nc_axis(&beside, hole->axes.second) += offset[hole->axes.second];
+    *nc_axis(&below, hole->normal) = hole->bottom;
+    go_to(x, beside);
+    stop_turned(x);
+    go(x, NC_MOVE_RAPID, hole->normal, hole->bottom);
+    go_to(x, below);
+    turn(x, direction);
+    go(x, NC_MOVE_FEED, hole->normal, hole->top);
+    go(x, NC_MOVE_FEED, hole->normal, hole->bottom);
+    stop_turned(x);
+    *nc_axis(&beside, hole->normal) = hole->bottom;
+    go_to(x, beside);
+    go(x, NC_MOVE_RAPID, hole->normal, hole->clear);
+    *nc_axis(&below, hole->normal) = hole->clear;
+    go_to(x, below);
+    turn(x, direction);
+}
+
 static void drill(NcExecution *x, const Hole *hole)
 {
     int code = x->block->motion;
@@ -193,16 +243,22 @@ static void drill(NcExecution *x, const Hole *hole)
         tap(x, hole);
         return;
     }
+    if (code == 870) {
+        bore_back(x, hole);
+        return;
+    }
     if (code == 730 || code == 830)
         peck(x, hole);
     go(x, NC_MOVE_FEED, hole->normal, hole->bottom);
     if (code == 860) {
         bore(x, hole);
-        return;
+    } else if (code == 880) {
+        bore_by_hand(x, hole);
+    } else {
+        if (code == 820 || code == 890)
+            dwell(x);
+        if (code == 850)
+            go(x, NC_MOVE_FEED, hole->normal, hole->r);
+        go(x, code == 890 ? NC_MOVE_FEED : NC_MOVE_RAPID, hole->normal, hole->clear);
     }
-    if (code == 820 || code == 890)
-        dwell(x);
-    if (code == 850)
-        go(x, NC_MOVE_FEED, hole->normal, hole->r);
-    go(x, code == 890 ? NC_MOVE_FEED : NC_MOVE_RAPID, hole->normal, hole->clear);
 }

@@ -2,139 +2,251 @@
 /* A checked block into moves, in RS-274's order of execution [NIST, table 8; LinuxCNC 2.9]. */
 #include "nc/gcode/interpreter.h"
 
+#define MM_PER_FOOT 304.8
+#define MM_PER_METRE 1000.0
+
 static bool set_words(NcExecution *x, GError **error);
+static bool machine_functions(NcExecution *x, GError **error);
 static bool set_modes(NcExecution *x, GError **error);
-static void machine_functions(NcExecution *x);
-static bool move(NcExecution *x, GError **error);
-static void go_home(NcExecution *x, int home);
 static void stop(NcExecution *x);
 
-/* F, S and T; tool change; spindle; coolant; dwell; plane, units, offsets, modes; reference
- * points; motion; stop. So F still counts in the units of the block before. */
+/* Messages; feed mode, F, S and T; tool change; spindle; coolant; overrides; dwell; plane, units,
+ * offsets, modes; reference points; motion; stop. So F still counts in the units of the block
+ * before. */
 bool nc_execute(NcExecution *x, GError **error)
 {
     const NcBlock *block = x->block;
+    NcModal *modal = &x->modal;
     if (block->region >= 0)
-        x->modal.region = block->region;
+        modal->region = block->region;
+    if (block->message)
+        nc_speak(x);
     if (!set_words(x, error))
         return false;
-    machine_functions(x);
-    if (!set_modes(x, error))
+    if (block->by.some_m && !machine_functions(x, error))
         return false;
-    if (!nc_set_offsets(x, error))
+    if (block->by.some_g && !set_modes(x, error))
         return false;
-    int code = block->g[NC_G_NON_MODAL];
-    int home = code == 280 || code == 281 ? NC_PARAMETER_HOME : NC_PARAMETER_HOME_2;
-    if (code == 280 || code == 300)
-        go_home(x, home);
-    else if (code == 281 || code == 301)
-        nc_set_parameters_point(x, home, x->modal.position);
-    if (block->motion >= 0 && !move(x, error))
+    if (block->by.g[NC_G_MOTION] >= 0)
+        modal->motion = block->by.g[NC_G_MOTION];
+    else if (block->by.g[NC_G_CANCEL] >= 0)
+        modal->motion = 800;
+    if (modal->cycle.code != 0 && !nc_is_cycle(modal->motion)) {
+        modal->cycle.code = 0;
+        modal->cycle_level_mm = (double)NAN;
+    }
+    if (!nc_travel(x, error))
         return false;
     stop(x);
     return true;
 }
 
-static double spindle_rpm(const NcModal *modal)
+/* With G96 the distance from the work's zero along X is the radius. */
+static double spindle_rpm(const NcExecution *x, SegVec3 place)
 {
-    return modal->spindle * modal->speed_rpm;
+    const NcModal *modal = &x->modal;
+    if (modal->surface_mm_min == 0.0 || modal->spindle == 0)
+        return modal->spindle * modal->speed_rpm;
+    const double radius = fabs(place.x - nc_program_shift(x).x);
+    const double most = MIN(modal->speed_rpm, x->machine->spindle_max_rpm);
+    const double rpm = modal->surface_mm_min / (2.0 * G_PI * radius);
+    return modal->spindle * MAX(MIN(rpm, most), x->machine->spindle_min_rpm);
+}
+
+static double feed(const NcExecution *x, double spindle, double word)
+{
+    return x->modal.feed_mode == NC_FEED_A_TURN ? word * fabs(spindle) : word;
+}
+
+void nc_move_speeds(const NcExecution *x, NcMove *move)
+{
+    const NcModal *modal = &x->modal;
+    move->spindle_rpm = spindle_rpm(x, move->to);
+    move->feed_mm_min = feed(x, move->spindle_rpm, modal->feed_mm);
 }
 
 NcMove *nc_append_move(NcExecution *x, NcMoveKind kind)
 {
     const NcModal *modal = &x->modal;
-    g_array_set_size(x->moves, x->moves->len + 1);
-    NcMove *made = &g_array_index(x->moves, NcMove, x->moves->len - 1);
+    guint n = x->moves->len;
+    g_array_set_size(x->moves, n + 1);
+    NcMove *made = &g_array_index(x->moves, NcMove, n);
     *made = (NcMove){
         .kind = kind,
         .line = x->statement_line,
         .block_line = modal->line == x->statement_line ? 0 : modal->line,
+        .begins_block = n == x->first_move,
         .region = modal->region,
         .tool = modal->tool,
         .from = modal->position,
         .to = modal->position,
         .plane = modal->plane,
-        .feed_mm_min = modal->feed_mm_min,
-        .spindle_rpm = spindle_rpm(modal),
         .tolerance_mm = modal->tolerance_mm,
         .exact_stop = modal->exact_stop,
         .coolant_mist = modal->mist,
         .coolant_flood = modal->flood,
         .work_offset = 54 + modal->wcs,
+        .feed_per_turn = modal->feed_mode == NC_FEED_A_TURN,
+        .feed_override_off = modal->feed_override_off,
+        .spindle_override_off = modal->spindle_override_off,
+        .adaptive_feed = modal->adaptive_feed,
     };
-    return made;
-}
-
-static NcMove *append_to(NcExecution *x, NcMoveKind kind, SegVec3 to)
-{
-    NcMove *made = nc_append_move(x, kind);
-    made->to = to;
-    x->modal.position = to;
+    for (int i = 0; i < 3; i++)
+        made->from_deg[i] = made->to_deg[i] = nc_axis_value(modal->position_deg, i);
+    nc_move_speeds(x, made);
     return made;
 }
 
 /* ----------------------------------------------------------- words and functions */
 
-static const CfgTool *find_tool(const NcExecution *x, int number)
+bool nc_find_tool(const NcExecution *x, int number, NcToolOffset *tool)
 {
-    return x->tools ? cfg_tools_find(x->tools, number) : NULL;
+    const CfgTool *known = x->tools ? cfg_tools_find(x->tools, number) : NULL;
+    const NcToolOffset *said = known ? nc_parameters_tool(x->parameters, number) : NULL;
+    if (said)
+        *tool = *said;
+    else if (known)
+        *tool = (NcToolOffset){number, known->length_mm, known->diameter_mm};
+    return known != NULL;
 }
 
-static bool no_tool(const NcExecution *x, const NcWord *word, GError **error)
+bool nc_no_tool(const NcExecution *x, const NcWord *word, GError **error)
 {
     return nc_word_error(error, x->modal.line, word, "is not in the machine's tool table");
+}
+
+/* G94 and G95 forget the feed, as G93 does. */
+static void set_feed_mode(NcModal *modal, int code)
+{
+    modal->feed_mode = code == 930   ? NC_FEED_INVERSE
+                       : code == 950 ? NC_FEED_A_TURN
+                                     : NC_FEED_A_MINUTE;
+    modal->feed_mm = modal->feed_deg = 0.0;
+}
+
+/* D is the largest speed with G96; of G97 the S word counts again as turns. */
+static void set_speed(NcModal *modal, const NcBlock *block)
+{
+    const NcWord *d = nc_word(block, 'D'), *s = nc_word(block, 'S');
+    const int code = block->by.g[NC_G_SPINDLE];
+    if (s)
+        modal->speed = s->value;
+    const bool surface = code == 960 || (code < 0 && modal->surface_mm_min > 0.0);
+    if (!surface) {
+        modal->surface_mm_min = 0.0;
+        modal->speed_rpm = modal->speed;
+        return;
+    }
+    if (code == 960)
+        modal->speed_rpm = d ? fabs(d->value) : INFINITY;
+    modal->surface_mm_min = modal->speed * (modal->unit_mm == 1.0 ? MM_PER_METRE : MM_PER_FOOT);
 }
 
 static bool set_words(NcExecution *x, GError **error)
 {
     NcModal *modal = &x->modal;
-    const NcWord *f = nc_word(x->block, 'F'), *s = nc_word(x->block, 'S');
-    const NcWord *t = nc_word(x->block, 'T');
-    if (f)
-        modal->feed_mm_min = f->value * modal->unit_mm;
-    if (s)
-        modal->speed_rpm = s->value;
+    const NcBlock *block = x->block;
+    const NcWord *f = nc_word(block, 'F'), *t = nc_word(block, 'T');
+    if (block->by.g[NC_G_FEED_MODE] >= 0)
+        set_feed_mode(modal, block->by.g[NC_G_FEED_MODE]);
+    if (f && modal->feed_mode != NC_FEED_INVERSE) {
+        modal->feed_mm = f->value * modal->unit_mm;
+        modal->feed_deg = f->value;
+    }
+    if (nc_word(block, 'S') || block->by.g[NC_G_SPINDLE] >= 0) {
+        const double before = spindle_rpm(x, modal->position);
+        set_speed(modal, block);
+        const bool m = block->by.m[NC_M_SPINDLE] >= 0 || block->by.m[NC_M_TOOL] == 6;
+        if (!m && (nc_word(block, 'S') || spindle_rpm(x, modal->position) != before) &&
+            modal->spindle != 0)
+            nc_append_move(x, NC_MOVE_SPINDLE);
+    }
     if (t) {
-        if (t->value > 0.0 && !find_tool(x, (int)t->value))
-            return no_tool(x, t, error);
+        NcToolOffset tool;
+        if (t->value > 0.0 && !nc_find_tool(x, (int)t->value, &tool))
+            return nc_no_tool(x, t, error);
         modal->selected_tool = (int)t->value;
     }
     return true;
 }
 
-static void machine_functions(NcExecution *x)
+static bool set_tool(NcExecution *x, GError **error)
 {
     NcModal *modal = &x->modal;
-    const NcBlock *block = x->block;
-    if (block->m[NC_M_TOOL] == 6) {
+    const NcWord *q = nc_word(x->block, 'Q');
+    NcToolOffset tool;
+    if (x->block->by.m[NC_M_TOOL] == 6) {
         modal->spindle = 0;
         modal->tool = modal->selected_tool;
         nc_append_move(x, NC_MOVE_TOOL_CHANGE);
+        return true;
     }
-    int m = block->m[NC_M_SPINDLE];
-    if (m >= 0)
-        modal->spindle = m == 3 ? 1 : m == 4 ? -1 : 0;
-    if (m >= 0 || (nc_word(block, 'S') && modal->spindle != 0))
+    if (q->value > 0.0 && !nc_find_tool(x, (int)q->value, &tool))
+        return nc_no_tool(x, q, error);
+    modal->tool = (int)q->value;
+    nc_append_move(x, NC_MOVE_TOOL_NUMBER);
+    return true;
+}
+
+/* M19 without R, P and Q stops the spindle wherever that comes to stand. */
+static void set_spindle(NcExecution *x, int m)
+{
+    const NcWord *r = nc_word(x->block, 'R'), *p = nc_word(x->block, 'P');
+    const NcWord *q = nc_word(x->block, 'Q');
+    x->modal.spindle = m == 3 ? 1 : m == 4 ? -1 : 0;
+    if (m != 19 || !(r || p || q)) {
         nc_append_move(x, NC_MOVE_SPINDLE);
-    m = block->m[NC_M_COOLANT];
+        return;
+    }
+    const int way = p ? (int)p->value : 0;
+    nc_append_move(x, NC_MOVE_ORIENT)->orient =
+        (NcOrient){r ? r->value : 0.0, way == 2 ? -1 : way, q ? q->value : 0.0};
+}
+
+/* M48 to M53: without P, and with any but P0, they allow. */
+static void set_overrides(NcModal *modal, const NcBlock *block)
+{
+    const NcWord *p = nc_word(block, 'P');
+    const int m = block->by.m[NC_M_OVERRIDE];
+    const bool off = m == 49 || (p && p->value == 0.0);
+    if (m <= 50)
+        modal->feed_override_off = off;
+    if (m <= 49 || m == 51)
+        modal->spindle_override_off = off;
+    if (m == 52)
+        modal->adaptive_feed = !off;
+}
+
+static bool machine_functions(NcExecution *x, GError **error)
+{
+    NcModal *modal = &x->modal;
+    const NcBlock *block = x->block;
+    if (block->by.m[NC_M_TOOL] >= 0 && !set_tool(x, error))
+        return false;
+    if (block->by.m[NC_M_SPINDLE] >= 0)
+        set_spindle(x, block->by.m[NC_M_SPINDLE]);
+    const int m = block->by.m[NC_M_COOLANT];
     if (m >= 0) {
         modal->mist = m == 7 || (m == 8 && modal->mist);
         modal->flood = m == 8 || (m == 7 && modal->flood);
         nc_append_move(x, NC_MOVE_COOLANT);
     }
-    if (block->g[NC_G_NON_MODAL] == 40)
-        nc_append_move(x, NC_MOVE_DWELL)->dwell_s = nc_word(block, 'P')->value;
+    if (block->by.m[NC_M_OVERRIDE] >= 0)
+        set_overrides(modal, block);
+    return true;
 }
+
+/* ------------------------------------------------------------------------- modes */
 
 /* G43 with no H, or with H0, takes the tool in the spindle. */
 static bool set_tool_length(NcExecution *x, GError **error)
 {
     const NcWord *h = nc_word(x->block, 'H');
     int number = h && h->value > 0.0 ? (int)h->value : x->modal.tool;
-    const CfgTool *tool = find_tool(x, number);
-    if (!tool && number > 0)
-        return no_tool(x, h ? h : x->block->g_word[NC_G_TOOL], error);
-    x->modal.tool_length_mm = tool ? tool->length_mm : 0.0;
+    NcToolOffset tool = {0, 0.0, 0.0};
+    if (!nc_find_tool(x, number, &tool) && number > 0)
+        return nc_no_tool(x, h ? h : nc_g_word(x->block, NC_G_TOOL), error);
+    x->modal.tool_length_mm = tool.length_mm;
     return true;
 }
 
@@ -143,24 +255,27 @@ static bool set_tool_length(NcExecution *x, GError **error)
 static void set_control(NcModal *modal, const NcBlock *block)
 {
     const NcWord *p = nc_word(block, 'P');
-    modal->exact_stop = block->g[NC_G_CONTROL] == 611;
-    if (block->g[NC_G_CONTROL] != 640)
+    modal->exact_stop = block->by.g[NC_G_CONTROL] == 611;
+    if (block->by.g[NC_G_CONTROL] != 640)
         modal->tolerance_mm = 0.0;
     else
         modal->tolerance_mm = p && p->value > 0.0 ? p->value * modal->unit_mm : INFINITY;
 }
 
-/* Its offset counts as it is now: one that is set later waits for the next time. */
-static void select_work(NcExecution *x, int wcs)
+/* From ten times the code; the one in force goes on as it is. */
+static void set_work(NcExecution *x, int code)
 {
-    x->modal.wcs = wcs;
-    x->modal.work_mm = nc_parameters_point(x, nc_parameter_of_work(wcs));
+    const int wcs = code <= 590 ? code / 10 - 54 : code - 585;
+    if (wcs != x->modal.wcs)
+        nc_select_work(x, wcs);
 }
 
 static bool set_modes(NcExecution *x, GError **error)
 {
     NcModal *modal = &x->modal;
-    const int *g = x->block->g;
+    const int16_t *g = x->block->by.g;
+    if (g[NC_G_NON_MODAL] == 40)
+        nc_append_move(x, NC_MOVE_DWELL)->dwell_s = nc_word(x->block, 'P')->value;
     if (g[NC_G_PLANE] >= 0)
         modal->plane = g[NC_G_PLANE] / 10;
     if (g[NC_G_UNITS] >= 0)
@@ -172,7 +287,7 @@ static bool set_modes(NcExecution *x, GError **error)
     else if (g[NC_G_TOOL] == 431)
         modal->tool_length_mm = nc_word(x->block, 'Z')->value * modal->unit_mm;
     if (g[NC_G_WORK] >= 0)
-        select_work(x, g[NC_G_WORK] / 10 - 54);
+        set_work(x, g[NC_G_WORK]);
     if (g[NC_G_CONTROL] >= 0)
         set_control(modal, x->block);
     if (g[NC_G_DISTANCE] >= 0)
@@ -181,87 +296,41 @@ static bool set_modes(NcExecution *x, GError **error)
         modal->arc_absolute = g[NC_G_ARC] == 901;
     if (g[NC_G_RETRACT] >= 0)
         modal->retract_r = g[NC_G_RETRACT] == 990;
-    if (g[NC_G_MOTION] >= 0)
-        modal->motion = g[NC_G_MOTION];
-    else if (g[NC_G_CANCEL] >= 0)
-        modal->motion = 800;
-    if (!nc_is_cycle(modal->motion)) {
-        modal->cycle.code = 0;
-        modal->cycle_level_mm = (double)NAN;
-    }
-    return true;
+    return nc_set_offsets(x, error);
 }
 
-/* ------------------------------------------------------------------------ motion */
-
-SegVec3 nc_program_shift(const NcExecution *x)
-{
-    return seg_add(seg_add(x->modal.work_mm, x->modal.local_mm),
-                   seg_vec3(0.0, 0.0, x->modal.tool_length_mm));
-}
-
-/* Where the block's axis words lead; axes without a word stay. */
-static SegVec3 target(const NcExecution *x, SegVec3 shift, bool incremental)
-{
-    SegVec3 to = x->modal.position;
-    for (int axis = 0; axis < 3; axis++) {
-        const NcWord *word = nc_word(x->block, (char)('X' + axis));
-        if (word) {
-            double base = *nc_axis(incremental ? &to : &shift, axis);
-            *nc_axis(&to, axis) = word->value * x->modal.unit_mm + base;
-        }
-    }
-    return to;
-}
-
-static bool move(NcExecution *x, GError **error)
-{
-    NcModal *modal = &x->modal;
-    const NcBlock *block = x->block;
-    bool machine_coordinates = block->g[NC_G_NON_MODAL] == 530;
-    SegVec3 shift = machine_coordinates ? seg_vec3(0.0, 0.0, 0.0) : nc_program_shift(x);
-    SegVec3 to = target(x, shift, modal->incremental && !machine_coordinates);
-    if (block->motion == 0 || block->motion == 10) {
-        NcMove *straight = append_to(x, block->motion == 0 ? NC_MOVE_RAPID : NC_MOVE_FEED, to);
-        straight->machine_coordinates = machine_coordinates;
-        return true;
-    }
-    if (nc_is_cycle(block->motion))
-        return nc_run_cycle(x, to, error);
-    SegVec3 centre;
-    if (!nc_arc_centre(block, modal, modal->position, to, shift, &centre, error))
-        return false;
-    const NcWord *p = nc_word(block, 'P');
-    int turns = p ? (int)p->value : 1;
-    NcMove *arc = append_to(x, NC_MOVE_ARC, to);
-    arc->centre = centre;
-    arc->turn = block->motion == 30 ? turns : -turns;
-    return true;
-}
-
-/* G28 and G30: by way of the point named, then home with the axes named; with all where none is.
- * LinuxCNC goes to that point even where none is named, so two moves it always is. */
-static void go_home(NcExecution *x, int parameter)
-{
-    SegVec3 place = nc_parameters_point(x, parameter), home = x->modal.position;
-    bool some = false;
-    for (int axis = 0; axis < 3; axis++) {
-        if (nc_word(x->block, (char)('X' + axis))) {
-            *nc_axis(&home, axis) = *nc_axis(&place, axis);
-            some = true;
-        }
-    }
-    SegVec3 by_way = target(x, nc_program_shift(x), x->modal.incremental);
-    append_to(x, NC_MOVE_RAPID, by_way)->machine_coordinates = !some;
-    append_to(x, NC_MOVE_RAPID, some ? home : place)->machine_coordinates = true;
-}
+/* ------------------------------------------------------------------------- stops */
 
 /* M2 and M30 leave the machine in a known state [NIST 3.6.1]. */
-static void stop(NcExecution *x)
+static void end(NcExecution *x)
 {
     NcModal *modal = &x->modal;
-    switch (x->block->m[NC_M_STOP]) {
+    nc_select_work(x, 0);
+    set_feed_mode(modal, 940);
+    modal->plane = 17;
+    modal->incremental = false;
+    modal->motion = 10;
+    modal->feed_override_off = modal->spindle_override_off = false;
+    modal->surface_mm_min = 0.0;
+    modal->speed_rpm = modal->speed;
+    if (modal->spindle != 0) {
+        modal->spindle = 0;
+        nc_append_move(x, NC_MOVE_SPINDLE);
+    }
+    if (modal->mist || modal->flood) {
+        modal->mist = modal->flood = false;
+        nc_append_move(x, NC_MOVE_COOLANT);
+    }
+    nc_append_move(x, NC_MOVE_END);
+    modal->ended = true;
+}
+
+/* M60 stops as M0 does: there are no pallets. */
+static void stop(NcExecution *x)
+{
+    switch (x->block->by.m[NC_M_STOP]) {
     case 0:
+    case 60:
         nc_append_move(x, NC_MOVE_STOP);
         break;
     case 1:
@@ -269,21 +338,7 @@ static void stop(NcExecution *x)
         break;
     case 2:
     case 30:
-        select_work(x, 0);
-        modal->plane = 17;
-        modal->incremental = false;
-        modal->motion = 10;
-        modal->feed_mm_min = 0.0;
-        if (modal->spindle != 0) {
-            modal->spindle = 0;
-            nc_append_move(x, NC_MOVE_SPINDLE);
-        }
-        if (modal->mist || modal->flood) {
-            modal->mist = modal->flood = false;
-            nc_append_move(x, NC_MOVE_COOLANT);
-        }
-        nc_append_move(x, NC_MOVE_END);
-        modal->ended = true;
+        end(x);
         break;
     default:
         break;

@@ -119,10 +119,10 @@ static bool finish(NcFlow *flow, NcExecution *x, GError **error)
 {
     const NcFlowLine *first = line_at(flow, 0);
     if (first->kind != NC_FLOW_SUB) {
-        g_autoptr(NcParameters) before = nc_parameters_copy(x->parameters);
+        nc_parameters_begin(x->parameters);
         bool good = nc_flow_run(flow, x, flow->lines, error);
         if (!good)
-            nc_parameters_exchange(x->parameters, before);
+            nc_parameters_take_back(x->parameters);
         return good;
     }
     g_hash_table_replace(flow->subs, g_strdup(first->label), g_array_ref(flow->lines));

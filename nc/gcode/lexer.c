@@ -4,6 +4,13 @@
 
 #include <string.h>
 
+/* Those that words begin with; E, O, U, V and W are not among them. */
+#define LETTERS                                                                                    \
+    (NC_AXES | NC_LETTER('D') | NC_LETTER('F') | NC_LETTER('G') | NC_LETTER('H') |                 \
+     NC_LETTER('I') | NC_LETTER('J') | NC_LETTER('K') | NC_LETTER('L') | NC_LETTER('M') |          \
+     NC_LETTER('N') | NC_LETTER('P') | NC_LETTER('Q') | NC_LETTER('R') | NC_LETTER('S') |          \
+     NC_LETTER('T'))
+
 static bool lex_comment(NcCursor *cursor, NcBlock *block, GError **error);
 static bool lex_word(NcCursor *cursor, NcBlock *block, GError **error);
 static bool lex_setting(NcCursor *cursor, NcBlock *block, GError **error);
@@ -14,12 +21,11 @@ static void clear_block(NcBlock *block)
 {
     block->n_words = block->n_settings = 0;
     block->region = block->motion = -1;
+    block->message = NULL;
     block->structure = block->blank = block->deleted = block->percent = false;
-    memset(block->letter, 0, sizeof block->letter);
-    memset(block->g_word, 0, sizeof block->g_word);
-    memset(block->m_word, 0, sizeof block->m_word);
-    memset(block->g, -1, sizeof block->g);
-    memset(block->m, -1, sizeof block->m);
+    memset(&block->by, 0, sizeof block->by);
+    memset(block->by.g, -1, sizeof block->by.g);
+    memset(block->by.m, -1, sizeof block->by.m);
 }
 
 bool nc_lex(const NcExecution *x, const char *text, size_t length, GError **error)
@@ -79,6 +85,22 @@ static bool lex_mark(NcCursor *cursor, NcBlock *block, GError **error)
     return true;
 }
 
+/* "MSG,…" and the like; of several the last one counts, as in LinuxCNC. */
+static void read_message(NcBlock *block, const char *text, const char *end)
+{
+    static const char *const kinds[] = {"MSG,", "DEBUG,", "PRINT,", "LOG,"};
+    while (text < end && (*text == ' ' || *text == '\t'))
+        text++;
+    for (size_t i = 0; i < G_N_ELEMENTS(kinds); i++) {
+        size_t n = strlen(kinds[i]);
+        if ((size_t)(end - text) < n || g_ascii_strncasecmp(text, kinds[i], n) != 0)
+            continue;
+        block->message = text + n;
+        block->message_length = (int)(end - text - (ptrdiff_t)n);
+        block->message_expands = i > 0;
+    }
+}
+
 /* "REGION 3 …": segmill's own comment that opens a region. */
 static void read_region(NcBlock *block, const char *text, const char *end)
 {
@@ -109,6 +131,7 @@ static bool lex_comment(NcCursor *cursor, NcBlock *block, GError **error)
         return nc_word_error(error, cursor->x->modal.line, &open,
                              "the comment is not closed with \")\"");
     read_region(block, text, cursor->at);
+    read_message(block, text, cursor->at);
     cursor->at++;
     return true;
 }
@@ -140,20 +163,21 @@ static bool lex_word(NcCursor *cursor, NcBlock *block, GError **error)
 {
     const char *first = cursor->at++;
     double value = 0.0;
-    if (!strchr("FGHIJKLMNPQRSTXYZ", nc_upper(*first))) {
+    if (!(LETTERS & NC_LETTER(nc_upper(*first)))) {
         (void)nc_read_number(cursor, &value);
         NcWord word = nc_word_at(cursor, first);
         return nc_word_error(error, cursor->x->modal.line, &word, "is not supported");
     }
     if (!lex_value(cursor, first, &value, error))
         return false;
-    NcWord word = nc_word_at(cursor, first);
     if (block->n_words == NC_MAX_WORDS) {
+        NcWord word = nc_word_at(cursor, first);
         return nc_word_error(error, cursor->x->modal.line, &word,
                              "is one word too many for a block");
     }
-    word.value = value;
-    block->words[block->n_words++] = word;
+    NcWord *word = &block->words[block->n_words++];
+    *word = nc_word_at(cursor, first);
+    word->value = value;
     return true;
 }
 

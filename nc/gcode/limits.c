@@ -3,12 +3,7 @@
 #include "nc/gcode/interpreter.h"
 
 /* Coordinates are sums of decimal numbers: this much is rounding. */
-#define ROUNDING_MM 1e-6
-
-static uint32_t block_line(const NcMove *move)
-{
-    return move->block_line > 0 ? move->block_line : move->line;
-}
+#define ROUNDING 1e-6
 
 static bool check_spindle(const CfgMachine *machine, const NcMove *move, GError **error)
 {
@@ -18,9 +13,39 @@ static bool check_spindle(const CfgMachine *machine, const NcMove *move, GError 
     g_set_error(error, NC_ERROR, NC_ERROR_LIMIT,
                 "line %u: the spindle cannot turn at %.10g rev/min: %s runs from %.10g to %.10g; "
                 "change the S word",
-                block_line(move), rpm, machine->name ? machine->name : "the machine",
+                nc_move_block_line(move), rpm, machine->name ? machine->name : "the machine",
                 machine->spindle_min_rpm, machine->spindle_max_rpm);
     return false;
+}
+
+static bool beyond(const NcMove *move, char axis, double value, double limit, const char *unit,
+                   GError **error)
+{
+    g_set_error(error, NC_ERROR, NC_ERROR_LIMIT,
+                "line %u: %c would go to %.4f %s in machine coordinates, beyond its limit of "
+                "%.10g %s: move the work offset, or place the part elsewhere",
+                nc_move_block_line(move), axis, value, unit, limit, unit);
+    return false;
+}
+
+static bool check_axis(const NcMove *move, char axis, double low, double high, double min,
+                       double max, const char *unit, GError **error)
+{
+    if (low < min - ROUNDING)
+        return beyond(move, axis, low, min, unit, error);
+    return high <= max + ROUNDING || beyond(move, axis, high, max, unit, error);
+}
+
+static bool check_rotary(const CfgMachine *machine, const NcMove *move, GError **error)
+{
+    for (int i = 0; i < 3; i++) {
+        const CfgRotary *travel = &machine->rotary[i];
+        const double from = move->from_deg[i], to = move->to_deg[i];
+        if (travel->present && !check_axis(move, (char)('A' + i), MIN(from, to), MAX(from, to),
+                                           travel->min_deg, travel->max_deg, "degrees", error))
+            return false;
+    }
+    return true;
 }
 
 bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError **error)
@@ -29,20 +54,15 @@ bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError 
         return false;
     if (!nc_move_travels(move))
         return true;
-    SegVec3 min, max;
-    nc_move_bounds(move, &min, &max);
-    for (int axis = 0; axis < 3; axis++) {
-        const CfgAxis *travel = &machine->axis[axis];
-        double low = nc_axis_value(min, axis), high = nc_axis_value(max, axis);
-        bool below = low < travel->min_mm - ROUNDING_MM;
-        if (below || high > travel->max_mm + ROUNDING_MM) {
-            g_set_error(error, NC_ERROR, NC_ERROR_LIMIT,
-                        "line %u: %c would go to %.4f mm in machine coordinates, beyond its limit "
-                        "of %.10g mm: move the work offset, or place the part elsewhere",
-                        block_line(move), 'X' + axis, below ? low : high,
-                        below ? travel->min_mm : travel->max_mm);
-            return false;
-        }
-    }
-    return true;
+    SegVec3 min = {MIN(move->from.x, move->to.x), MIN(move->from.y, move->to.y),
+                   MIN(move->from.z, move->to.z)};
+    SegVec3 max = {MAX(move->from.x, move->to.x), MAX(move->from.y, move->to.y),
+                   MAX(move->from.z, move->to.z)};
+    if (move->kind == NC_MOVE_ARC)
+        nc_move_bounds(move, &min, &max);
+    const CfgAxis *axis = machine->axis;
+    return check_axis(move, 'X', min.x, max.x, axis[0].min_mm, axis[0].max_mm, "mm", error) &&
+           check_axis(move, 'Y', min.y, max.y, axis[1].min_mm, axis[1].max_mm, "mm", error) &&
+           check_axis(move, 'Z', min.z, max.z, axis[2].min_mm, axis[2].max_mm, "mm", error) &&
+           check_rotary(machine, move, error);
 }

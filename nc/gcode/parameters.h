@@ -3,7 +3,10 @@
  * Parameters: numbered ones from #1 to #5601 and named ones [LinuxCNC 2.9, "Parameters"].
  *
  * #1 to #30 and names without a leading "_" belong to the subroutine that runs; the rest is the
- * program's. Offsets in parameters are in millimetres, as the machine file's.
+ * program's. Offsets in parameters are in millimetres and degrees, as the machine file's.
+ *
+ * What a structure of O words changes can be taken back: numbered parameters are noted when they
+ * change first, the others, which are few, are copied when it begins.
  */
 #ifndef NC_GCODE_PARAMETERS_H
 #define NC_GCODE_PARAMETERS_H
@@ -15,6 +18,8 @@ enum { NC_LAST_PARAMETER = 5601, NC_N_LOCAL_PARAMETERS = 30 };
 
 /* Where the machine's own numbers are kept. */
 enum {
+    NC_PARAMETER_PROBED = 5061, /* where the probe touched; 5070: whether */
+    NC_PARAMETER_TOUCHED = 5070,
     NC_PARAMETER_HOME = 5161,      /* G28 */
     NC_PARAMETER_HOME_2 = 5181,    /* G30 */
     NC_PARAMETER_LOCAL = 5211,     /* G52, G92; 5210: 1 where it counts */
@@ -36,19 +41,33 @@ typedef struct {
     GArray *locals;                      /* double by id; NAN: not set */
 } NcFrame;
 
+/* What G10 L1 and the like say of a tool, instead of the tool table. */
+typedef struct {
+    int number;
+    double length_mm, diameter_mm;
+} NcToolOffset;
+
 typedef struct {
     double numbered[NC_LAST_PARAMETER + 1];
     GHashTable *ids; /* of names, upper case and without spaces */
     GPtrArray *names;
     GArray *globals;   /* double by id; NAN: not set */
     GPtrArray *frames; /* NcFrame; the program's own is the first */
+    GArray *tools;     /* NcToolOffset */
+    struct NcUndo *undo;
 } NcParameters;
 
 NcParameters *nc_parameters_new(void);
-NcParameters *nc_parameters_copy(const NcParameters *parameters);
-void nc_parameters_exchange(NcParameters *a, NcParameters *b);
 void nc_parameters_free(NcParameters *parameters);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcParameters, nc_parameters_free)
+
+/* From the first on, changes can be taken back by the second; both outside of subroutines. */
+void nc_parameters_begin(NcParameters *parameters);
+void nc_parameters_take_back(NcParameters *parameters);
+
+/* NULL where nothing was said of the tool. */
+const NcToolOffset *nc_parameters_tool(const NcParameters *parameters, int number);
+void nc_parameters_set_tool(NcParameters *parameters, NcToolOffset tool);
 
 /* The first of the coordinate system's: 0 is G54. */
 static inline int nc_parameter_of_work(int wcs)

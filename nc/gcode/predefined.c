@@ -9,6 +9,9 @@ typedef enum {
     OF_X,
     OF_Y,
     OF_Z,
+    OF_A,
+    OF_B,
+    OF_C,
     OF_METRIC,
     OF_IMPERIAL,
     OF_ABSOLUTE,
@@ -27,6 +30,19 @@ typedef enum {
     OF_FLOOD,
     OF_IJK_ABSOLUTE,
     OF_LEVEL,
+    OF_CUTTER,
+    OF_INVERSE,
+    OF_A_MINUTE,
+    OF_A_TURN,
+    OF_LENGTH,
+    OF_RETRACT_R,
+    OF_RETRACT_OLD,
+    OF_CONSTANT_RPM,
+    OF_CONSTANT_SURFACE,
+    OF_SPEED_OVERRIDE,
+    OF_FEED_OVERRIDE,
+    OF_ADAPTIVE,
+    OF_HOLD,
 } Meaning;
 
 static const struct {
@@ -36,6 +52,9 @@ static const struct {
     {"_X", OF_X},
     {"_Y", OF_Y},
     {"_Z", OF_Z},
+    {"_A", OF_A},
+    {"_B", OF_B},
+    {"_C", OF_C},
     {"_METRIC", OF_METRIC},
     {"_IMPERIAL", OF_IMPERIAL},
     {"_ABSOLUTE", OF_ABSOLUTE},
@@ -54,17 +73,31 @@ static const struct {
     {"_FLOOD", OF_FLOOD},
     {"_IJK_ABSOLUTE_MODE", OF_IJK_ABSOLUTE},
     {"_CALL_LEVEL", OF_LEVEL},
+    {"_CCOMP", OF_CUTTER},
+    {"_INVERSE_TIME", OF_INVERSE},
+    {"_UNITS_PER_MINUTE", OF_A_MINUTE},
+    {"_UNITS_PER_REV", OF_A_TURN},
+    {"_TOOL_OFFSET", OF_LENGTH},
+    {"_RETRACT_R_PLANE", OF_RETRACT_R},
+    {"_RETRACT_OLD_Z", OF_RETRACT_OLD},
+    {"_SPINDLE_RPM_MODE", OF_CONSTANT_RPM},
+    {"_SPINDLE_CSS_MODE", OF_CONSTANT_SURFACE},
+    {"_SPEED_OVERRIDE", OF_SPEED_OVERRIDE},
+    {"_FEED_OVERRIDE", OF_FEED_OVERRIDE},
+    {"_ADAPTIVE_FEED", OF_ADAPTIVE},
+    {"_FEED_HOLD", OF_HOLD},
 };
-
-static const CfgTool *current_tool(const NcExecution *x)
-{
-    return x->tools && x->modal.tool > 0 ? cfg_tools_find(x->tools, x->modal.tool) : NULL;
-}
 
 static double program_position(const NcExecution *x, int axis)
 {
-    SegVec3 from_zero = seg_sub(x->modal.position, nc_program_shift(x));
-    return nc_axis_value(from_zero, axis) / x->modal.unit_mm;
+    NcPlace place = nc_program_place(x);
+    return *nc_place_axis(&place, axis) / (axis < 3 ? x->modal.unit_mm : 1.0);
+}
+
+/* G54 … G59, G59.1 … G59.3, ten times. */
+static double work_code(int wcs)
+{
+    return wcs < 6 ? (wcs + 54) * 10 : 585 + wcs;
 }
 
 static double meaning_of(const NcExecution *x, Meaning meaning)
@@ -74,6 +107,9 @@ static double meaning_of(const NcExecution *x, Meaning meaning)
     case OF_X:
     case OF_Y:
     case OF_Z:
+    case OF_A:
+    case OF_B:
+    case OF_C:
         return program_position(x, (int)meaning);
     case OF_METRIC:
         return modal->unit_mm == 1.0;
@@ -84,9 +120,9 @@ static double meaning_of(const NcExecution *x, Meaning meaning)
     case OF_INCREMENTAL:
         return modal->incremental;
     case OF_FEED:
-        return modal->feed_mm_min / modal->unit_mm;
+        return modal->feed_mm / modal->unit_mm;
     case OF_RPM:
-        return modal->speed_rpm;
+        return modal->speed;
     case OF_TOOL:
         return modal->tool;
     case OF_SELECTED:
@@ -98,7 +134,7 @@ static double meaning_of(const NcExecution *x, Meaning meaning)
     case OF_MOTION:
         return modal->motion;
     case OF_WORK:
-        return (modal->wcs + 54) * 10;
+        return work_code(modal->wcs);
     case OF_SPINDLE_ON:
         return modal->spindle != 0;
     case OF_CLOCKWISE:
@@ -111,6 +147,32 @@ static double meaning_of(const NcExecution *x, Meaning meaning)
         return modal->arc_absolute;
     case OF_LEVEL:
         return (double)x->parameters->frames->len - 1.0;
+    case OF_CUTTER:
+        return 400;
+    case OF_INVERSE:
+        return modal->feed_mode == NC_FEED_INVERSE;
+    case OF_A_MINUTE:
+        return modal->feed_mode == NC_FEED_A_MINUTE;
+    case OF_A_TURN:
+        return modal->feed_mode == NC_FEED_A_TURN;
+    case OF_LENGTH:
+        return modal->tool_length_mm != 0.0;
+    case OF_RETRACT_R:
+        return modal->retract_r;
+    case OF_RETRACT_OLD:
+        return !modal->retract_r;
+    case OF_CONSTANT_RPM:
+        return modal->surface_mm_min == 0.0;
+    case OF_CONSTANT_SURFACE:
+        return modal->surface_mm_min > 0.0;
+    case OF_SPEED_OVERRIDE:
+        return !modal->spindle_override_off;
+    case OF_FEED_OVERRIDE:
+        return !modal->feed_override_off;
+    case OF_ADAPTIVE:
+        return modal->adaptive_feed;
+    case OF_HOLD:
+        return 1;
     }
     g_assert_not_reached();
 }
@@ -118,18 +180,19 @@ static double meaning_of(const NcExecution *x, Meaning meaning)
 /* Those between #5400 and #5428 that are not of the tool or the position are 0. */
 static double read_only(const NcExecution *x, int index)
 {
-    const CfgTool *tool = current_tool(x);
+    NcToolOffset tool = {0, 0.0, 0.0};
+    (void)nc_find_tool(x, x->modal.tool, &tool);
     int axis = index - NC_PARAMETER_POSITION;
-    if (axis >= 0 && axis < 3)
+    if (axis >= 0 && axis < 6)
         return program_position(x, axis);
     if (index == NC_PARAMETER_WORK)
         return x->modal.wcs + 1;
     if (index == NC_PARAMETER_READ_ONLY)
         return x->modal.tool;
     if (index == NC_PARAMETER_READ_ONLY + 3)
-        return tool ? tool->length_mm / x->modal.unit_mm : 0.0;
+        return tool.length_mm / x->modal.unit_mm;
     if (index == NC_PARAMETER_READ_ONLY + 10)
-        return tool ? tool->diameter_mm / x->modal.unit_mm : 0.0;
+        return tool.diameter_mm / x->modal.unit_mm;
     return 0.0;
 }
 
@@ -175,16 +238,18 @@ static double with_settings(const NcExecution *x, int index)
     return x->parameters->numbered[index];
 }
 
-SegVec3 nc_parameters_point(const NcExecution *x, int index)
+NcPlace nc_parameters_place(const NcExecution *x, int index)
 {
-    return seg_vec3(with_settings(x, index), with_settings(x, index + 1),
-                    with_settings(x, index + 2));
+    NcPlace place;
+    for (int axis = 0; axis < 6; axis++)
+        *nc_place_axis(&place, axis) = with_settings(x, index + axis);
+    return place;
 }
 
-void nc_set_parameters_point(NcExecution *x, int index, SegVec3 point)
+void nc_set_parameters_place(NcExecution *x, int index, NcPlace place)
 {
-    for (int axis = 0; axis < 3; axis++)
-        nc_set_parameter(x, index + axis, nc_axis_value(point, axis));
+    for (int axis = 0; axis < 6; axis++)
+        nc_set_parameter(x, index + axis, *nc_place_axis(&place, axis));
 }
 
 void nc_set_parameter(NcExecution *x, int index, double value)

@@ -67,13 +67,13 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
                          guint first_move, void *data)
 {
     Survey *survey = data;
-    const NcModal *modal = &interpreter->modal;
+    const NcModal *modal = &interpreter->x.modal;
     if (!block) {
         survey_structure(survey, modal, end, first_move);
         return;
     }
-    bool homing = block->g[NC_G_NON_MODAL] == 280 || block->g[NC_G_NON_MODAL] == 300;
-    bool machine_z = homing || block->g[NC_G_NON_MODAL] == 530;
+    bool homing = block->by.g[NC_G_NON_MODAL] == 280 || block->by.g[NC_G_NON_MODAL] == 300;
+    bool machine_z = homing || block->by.g[NC_G_NON_MODAL] == 530;
     BlockEnd done = {.end = end, .tip_mm = modal->position.z - modal->tool_length_mm};
     survey->tool_length_mm = modal->tool_length_mm;
     for (guint i = first_move; i < survey->moves->len; i++) {

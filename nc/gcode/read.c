@@ -18,9 +18,17 @@ static void keep_offsets(NcParameters *parameters, const CfgMachine *machine)
 {
     for (int axis = 0; axis < 3; axis++) {
         parameters->numbered[NC_PARAMETER_HOME + axis] = machine->tool_change_mm[axis];
-        for (int i = 0; i < (int)G_N_ELEMENTS(machine->work_offset_mm); i++)
-            parameters->numbered[nc_parameter_of_work(i) + axis] = machine->work_offset_mm[i][axis];
+        for (int i = 0; i < CFG_N_WORK_OFFSETS; i++) {
+            double *offset = &parameters->numbered[nc_parameter_of_work(i)];
+            offset[axis] = machine->work_offset_mm[i][axis];
+            offset[axis + 3] = machine->work_offset_deg[i][axis];
+        }
     }
+}
+
+static SegVec3 vector_of(const double v[3])
+{
+    return (SegVec3){v[0], v[1], v[2]};
 }
 
 /* Before the first tool change the machine stands, and G28 goes, where it changes tools: the one
@@ -28,16 +36,17 @@ static void keep_offsets(NcParameters *parameters, const CfgMachine *machine)
 NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable *tools)
 {
     NcInterpreter *interpreter = g_new0(NcInterpreter, 1);
-    const double *home = machine->tool_change_mm;
-    const double *work = machine->work_offset_mm[0];
-    interpreter->machine = machine;
-    interpreter->tools = tools;
-    interpreter->parameters = nc_parameters_new();
+    NcExecution *x = &interpreter->x;
     interpreter->flow = nc_flow_new();
-    keep_offsets(interpreter->parameters, machine);
-    interpreter->modal = (NcModal){
-        .work_mm = seg_vec3(work[0], work[1], work[2]),
-        .position = seg_vec3(home[0], home[1], home[2]),
+    x->machine = machine;
+    x->tools = tools;
+    x->parameters = nc_parameters_new();
+    x->messages = nc_messages_new();
+    keep_offsets(x->parameters, machine);
+    x->modal = (NcModal){
+        .work_mm = vector_of(machine->work_offset_mm[0]),
+        .work_deg = vector_of(machine->work_offset_deg[0]),
+        .position = vector_of(machine->tool_change_mm),
         .unit_mm = 1.0,
         .tolerance_mm = INFINITY,
         .motion = 800,
@@ -51,7 +60,8 @@ NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable 
 void nc_interpreter_free(NcInterpreter *interpreter)
 {
     if (interpreter) {
-        nc_parameters_free(interpreter->parameters);
+        nc_parameters_free(interpreter->x.parameters);
+        nc_messages_free(interpreter->x.messages);
         nc_flow_free(interpreter->flow);
         g_free(interpreter);
     }
@@ -59,12 +69,18 @@ void nc_interpreter_free(NcInterpreter *interpreter)
 
 void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point)
 {
-    interpreter->modal.position = gauge_point;
+    interpreter->x.modal.position = gauge_point;
 }
 
 void nc_interpreter_set_block_delete(NcInterpreter *interpreter, bool on)
 {
-    interpreter->block_delete = on;
+    interpreter->x.block_delete = on;
+}
+
+void nc_interpreter_set_probe(NcInterpreter *interpreter, NcProbe probe, void *data)
+{
+    interpreter->x.probe = probe;
+    interpreter->x.probe_data = data;
 }
 
 bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,
@@ -77,21 +93,18 @@ bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t l
 static bool read_block(NcInterpreter *interpreter, const char *text, size_t length, NcBlock *block,
                        GArray *moves, GError **error)
 {
-    NcExecution execution = {.machine = interpreter->machine,
-                             .tools = interpreter->tools,
-                             .modal = interpreter->modal,
-                             .parameters = interpreter->parameters,
-                             .moves = moves,
-                             .block = block,
-                             .block_delete = interpreter->block_delete};
-    guint n_before = moves->len;
-    execution.statement_line = ++execution.modal.line;
-    if (!run_line(interpreter, &execution, text, length, error)) {
+    NcExecution *x = &interpreter->x;
+    const NcModal before = x->modal;
+    const guint n_before = moves->len;
+    x->moves = moves;
+    x->block = block;
+    x->statement_line = ++x->modal.line;
+    if (!run_line(interpreter, x, text, length, error)) {
         g_array_set_size(moves, n_before);
+        x->modal = before;
         return false;
     }
-    interpreter->modal = execution.modal;
-    interpreter->modal.line = execution.statement_line;
+    x->modal.line = x->statement_line;
     return true;
 }
 
@@ -109,21 +122,11 @@ static bool run_line(NcInterpreter *interpreter, NcExecution *x, const char *tex
     return good;
 }
 
-/* Of the actions that were added from `first` on. */
-static void mark_blocks(GArray *moves, guint first)
-{
-    for (guint i = first; i < moves->len; i++) {
-        NcMove *move = &g_array_index(moves, NcMove, i);
-        move->begins_block =
-            i == first || move->line != move[-1].line || move->block_line != move[-1].block_line;
-    }
-}
-
 bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **error)
 {
     const NcBlock *block = x->block;
-    const guint first = x->moves->len;
     NcModal *modal = &x->modal;
+    x->first_move = x->moves->len;
     if (!nc_lex(x, text, length, error))
         return false;
     bool empty = block->n_words == 0 && block->n_settings == 0 && !block->percent;
@@ -135,7 +138,6 @@ bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **erro
                                : nc_check(x->block, modal, error) && nc_execute(x, error);
     if (!good)
         return false;
-    mark_blocks(x->moves, first);
     for (int i = 0; !skipped && i < block->n_settings; i++)
         nc_parameter_set(x->parameters, block->settings[i].parameter, block->settings[i].value);
     modal->begun = modal->begun || !block->blank;
@@ -168,7 +170,7 @@ bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length,
                     NcBlockRead read, void *data, GError **error)
 {
     const char *end = text + length;
-    for (const char *at = text; at < end && !interpreter->modal.ended;) {
+    for (const char *at = text; at < end && !interpreter->x.modal.ended;) {
         const char *newline = memchr(at, '\n', (size_t)(end - at));
         const char *next = newline ? newline + 1 : end;
         guint n_before = moves->len;
@@ -177,7 +179,7 @@ bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length,
             return false;
         for (guint i = n_before; i < moves->len; i++) {
             const NcMove *made = &g_array_index(moves, NcMove, i);
-            if (!nc_move_check_limits(interpreter->machine, made, error))
+            if (!nc_move_check_limits(interpreter->x.machine, made, error))
                 return false;
         }
         if (read)
@@ -185,11 +187,11 @@ bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length,
                  data);
         at = next;
     }
-    if (!interpreter->modal.ended && nc_flow_open(interpreter->flow))
+    if (!interpreter->x.modal.ended && nc_flow_open(interpreter->flow))
         return nc_flow_open_error(interpreter->flow, error);
-    if (!interpreter->modal.ended) {
-        return nc_word_error(error, interpreter->modal.line, NULL,
-                             interpreter->modal.percent_open
+    if (!interpreter->x.modal.ended) {
+        return nc_word_error(error, interpreter->x.modal.line, NULL,
+                             interpreter->x.modal.percent_open
                                  ? "the program ends without its second %%"
                                  : "the program ends without M2 or M30");
     }
