@@ -174,14 +174,6 @@ static const char *kind_name(NcMoveKind kind)
         return "tool-number";
     case NC_MOVE_MESSAGE:
         return "message";
-    case NC_MOVE_PROBE:
-        return "probe";
-    case NC_MOVE_ORIENT:
-        return "orient";
-    case NC_MOVE_TOOL_NUMBER:
-        return "tool-number";
-    case NC_MOVE_MESSAGE:
-        return "message";
     }
     return "";
 }
