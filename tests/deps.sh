@@ -34,6 +34,7 @@ packages() {
 #: tshark                     judge of the frames of a delivery
 #: openssl                    judge of TLS
 #: iproute2                   CAN buses
+#: admesh                     judge of the in-process model
 #: can-utils                  judge of CAN and ISO-TP
 #: gpiod                      the hand on the operator's buttons
 #: linux-source-6.1           a kernel with CAN and GPIO, for hosts that have none
