@@ -83,6 +83,10 @@ static int g_group(int code)
     case 210:
         return NC_G_UNITS;
     case 400:
+    case 410:
+    case 411:
+    case 420:
+    case 421:
         return NC_G_CUTTER;
     case 430:
     case 431:
@@ -308,8 +312,10 @@ static bool check_users(const NcBlock *block, uint32_t line, GError **error)
     const bool pecks = motion == 730 || motion == 830;
     const bool blend = block->by.g[NC_G_CONTROL] == 640;
     const bool orient = block->by.m[NC_M_SPINDLE] == 19;
+    const bool cutter = block->by.g[NC_G_CUTTER] > 400;
     const bool number = block->by.m[NC_M_TOOL] == 61, enables = m >= 50;
-    return check_user(block, 'D', block->by.g[NC_G_SPINDLE] == 960, "G96", line, error) &&
+    return check_user(block, 'D', cutter + (block->by.g[NC_G_SPINDLE] == 960),
+                      "G41, G42, G41.1, G42.1 or G96", line, error) &&
            check_user(block, 'H', block->by.g[NC_G_TOOL] == 430, "G43", line, error) &&
            check_user(block, 'I', arc + back, "G2, G3 or G87", line, error) &&
            check_user(block, 'J', arc + back, "G2, G3 or G87", line, error) &&

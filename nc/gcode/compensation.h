@@ -51,6 +51,13 @@ static inline bool nc_compensation_busy(const NcCompensation *c)
     return c->side != 0 || c->away;
 }
 
+/* Off, and what waits is forgotten. */
+static inline void nc_compensation_reset(NcCompensation *c)
+{
+    c->side = c->n_waiting = 0;
+    c->entered = c->away = false;
+}
+
 /* Copies what counts of it. */
 void nc_compensation_copy(NcCompensation *to, const NcCompensation *from);
 

@@ -19,6 +19,8 @@ bool nc_execute(NcExecution *x, GError **error)
     NcModal *modal = &x->modal;
     if (block->region >= 0)
         modal->region = block->region;
+    if (!nc_check_compensated(x, error))
+        return false;
     if (block->message)
         nc_speak(x);
     if (!set_words(x, error))
@@ -280,6 +282,8 @@ static bool set_modes(NcExecution *x, GError **error)
         modal->plane = g[NC_G_PLANE] / 10;
     if (g[NC_G_UNITS] >= 0)
         modal->unit_mm = g[NC_G_UNITS] == 200 ? NC_MM_PER_INCH : 1.0;
+    if (!nc_set_compensation(x, error))
+        return false;
     if (g[NC_G_TOOL] == 490)
         modal->tool_length_mm = 0.0;
     else if (g[NC_G_TOOL] == 430 && !set_tool_length(x, error))

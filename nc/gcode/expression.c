@@ -357,6 +357,9 @@ static bool read_named_or_numbered(NcCursor *cursor, double *value, GError **err
     NcParameter parameter;
     if (!nc_read_parameter(cursor, &parameter, error))
         return false;
+    if (nc_parameter_hidden(cursor->x, parameter))
+        return refuse(cursor, first, "is not known while the cutter's radius is compensated",
+                      error);
     return nc_parameter_value(cursor->x, parameter, value) ||
            refuse(cursor, first, "was never set", error);
 }

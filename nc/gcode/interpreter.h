@@ -4,7 +4,8 @@
  * (check.c), a block is executed in RS-274's order (execute.c), arcs find their centre (arc.c).
  * Values are parameters and expressions (expression.c, predefined.c); lines with O words wait for
  * their end (flow.c) and run (run.c); where moves lead: travel.c; coordinate systems: offsets.c;
- * canned cycles: cycle.c; messages to people: message.c.
+ * canned cycles: cycle.c; the
+ * cutter's radius: cutter.c, compensation.c; messages to people: message.c.
  *
  * Meaning of the words: T. Kramer, F. Proctor, E. Messina, "The NIST RS274NGC Interpreter,
  * version 3", NISTIR 6556, 2000, below [NIST]; where LinuxCNC 2.9 differs, LinuxCNC is followed.
@@ -12,6 +13,7 @@
 #ifndef NC_GCODE_INTERPRETER_H
 #define NC_GCODE_INTERPRETER_H
 
+#include "nc/gcode/compensation.h"
 #include "nc/gcode/message.h"
 #include "nc/gcode/parameters.h"
 #include "nc/motion/path.h"
@@ -52,7 +54,7 @@ typedef enum {
     NC_G_ARC,       /* group 4: G90.1 G91.1 */
     NC_G_FEED_MODE, /* group 5: G93 G94 G95 */
     NC_G_UNITS,     /* group 6 */
-    NC_G_CUTTER,    /* group 7: G40 */
+    NC_G_CUTTER,    /* group 7: G40 G41 G42 G41.1 G42.1 */
     NC_G_TOOL,      /* group 8: G43 G43.1 G49 */
     NC_G_RETRACT,   /* group 10: G98 G99 */
     NC_G_WORK,      /* group 12: G54 … G59.3 */
@@ -156,6 +158,8 @@ typedef struct {
     void *probe_data;
     GArray *moves;
     guint first_move; /* of the block */
+    NcCompensation *compensation;
+    guint uncompensated; /* the first of the moves that have not gone by way of it */
     NcBlock *block;
     uint32_t statement_line; /* of the line that is carried out; within a subroutine the call's */
     bool block_delete;
@@ -164,6 +168,7 @@ typedef struct {
 struct NcInterpreter {
     NcExecution x;
     NcFlow *flow;
+    NcCompensation *kept; /* as it was before the block */
 };
 
 /* Reads and carries out the block of line modal.line; its settings count from then on. */
@@ -175,6 +180,9 @@ bool nc_lex(const NcExecution *execution, const char *text, size_t length, GErro
 /* A parameter's value, those that the machine sets included; false (and 0 or NAN) where it was
  * never set. */
 bool nc_parameter_value(const NcExecution *execution, NcParameter parameter, double *value);
+
+/* The position by number, which LinuxCNC does not say while the cutter's radius is compensated. */
+bool nc_parameter_hidden(const NcExecution *execution, NcParameter parameter);
 
 /* Not those that the machine sets. */
 bool nc_parameter_writable(const NcExecution *execution, NcParameter parameter);
@@ -211,6 +219,13 @@ typedef struct {
 
 bool nc_follow(NcExecution *execution, const NcPath *path, GError **error);
 
+/* Refuses what has no place between G41 and G40; and carries these out. */
+bool nc_check_compensated(const NcExecution *execution, GError **error);
+bool nc_set_compensation(NcExecution *execution, GError **error);
+
+/* The moves that the block has made so far become the tool's. */
+bool nc_compensate(NcExecution *execution, GError **error);
+
 /* Carries out the canned cycle of the block over the place that its axis words name. */
 bool nc_run_cycle(NcExecution *execution, SegVec3 target, GError **error);
 
@@ -220,7 +235,14 @@ bool nc_block_keeps_axes(const NcBlock *block);
 /* Machine coordinates of the gauge point minus program coordinates. */
 SegVec3 nc_program_shift(const NcExecution *execution);
 
-/* Where the machine is, in program coordinates: mm and degrees. */
+/* The gauge point, machine coordinates. While the cutter's radius is compensated, which the modal
+ * position is not, the place beside the contour's last point. */
+static inline SegVec3 nc_gauge_point(const NcExecution *x)
+{
+    return x->compensation->entered ? x->compensation->offset : x->modal.position;
+}
+
+/* The same in program coordinates: mm and degrees. */
 NcPlace nc_program_place(const NcExecution *execution);
 
 /* Sorts the words into groups and refuses what RS-274 forbids whatever the modal state is, and

@@ -55,7 +55,7 @@ static NcPlace with_words(const NcExecution *x, NcPlace place, NcPlace *of)
 static NcPlace place_without(const NcExecution *x, SegVec3 mm, SegVec3 deg)
 {
     SegVec3 tool = seg_vec3(0.0, 0.0, x->modal.tool_length_mm);
-    return (NcPlace){seg_sub(seg_sub(x->modal.position, tool), mm),
+    return (NcPlace){seg_sub(seg_sub(nc_gauge_point(x), tool), mm),
                      seg_sub(x->modal.position_deg, deg)};
 }
 
@@ -90,9 +90,9 @@ static double length_to(const NcExecution *x, double l, double z)
     if (l == 1.0)
         return z;
     if (l == 10.0)
-        return modal->position.z - modal->work_mm.z - modal->local_mm.z - z;
+        return nc_gauge_point(x).z - modal->work_mm.z - modal->local_mm.z - z;
     NcPlace fixture = nc_parameters_place(x, nc_parameter_of_work(CFG_N_WORK_OFFSETS - 1));
-    return modal->position.z - fixture.mm.z - z;
+    return nc_gauge_point(x).z - fixture.mm.z - z;
 }
 
 /* Counts from the next G43 on, to the program's end; the machine's table stays as it is. */

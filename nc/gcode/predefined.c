@@ -148,7 +148,7 @@ static double meaning_of(const NcExecution *x, Meaning meaning)
     case OF_LEVEL:
         return (double)x->parameters->frames->len - 1.0;
     case OF_CUTTER:
-        return 400;
+        return x->compensation->side == 0 ? 400 : x->compensation->side > 0 ? 410 : 420;
     case OF_INVERSE:
         return modal->feed_mode == NC_FEED_INVERSE;
     case OF_A_MINUTE:
@@ -214,6 +214,12 @@ static int predefined(const NcExecution *x, NcParameter parameter)
 bool nc_parameter_writable(const NcExecution *x, NcParameter parameter)
 {
     return parameter.named ? predefined(x, parameter) < 0 : !is_read_only(parameter.index);
+}
+
+bool nc_parameter_hidden(const NcExecution *x, NcParameter parameter)
+{
+    return !parameter.named && parameter.index >= NC_PARAMETER_POSITION &&
+           parameter.index <= NC_PARAMETER_LAST_READ_ONLY && x->compensation->side != 0;
 }
 
 bool nc_parameter_value(const NcExecution *x, NcParameter parameter, double *value)

@@ -38,6 +38,8 @@ NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable 
     NcInterpreter *interpreter = g_new0(NcInterpreter, 1);
     NcExecution *x = &interpreter->x;
     interpreter->flow = nc_flow_new();
+    interpreter->kept = g_new0(NcCompensation, 1);
+    x->compensation = g_new0(NcCompensation, 1);
     x->machine = machine;
     x->tools = tools;
     x->parameters = nc_parameters_new();
@@ -63,6 +65,8 @@ void nc_interpreter_free(NcInterpreter *interpreter)
         nc_parameters_free(interpreter->x.parameters);
         nc_messages_free(interpreter->x.messages);
         nc_flow_free(interpreter->flow);
+        g_free(interpreter->kept);
+        g_free(interpreter->x.compensation);
         g_free(interpreter);
     }
 }
@@ -70,6 +74,7 @@ void nc_interpreter_free(NcInterpreter *interpreter)
 void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point)
 {
     interpreter->x.modal.position = gauge_point;
+    nc_compensation_reset(interpreter->x.compensation);
 }
 
 void nc_interpreter_set_block_delete(NcInterpreter *interpreter, bool on)
@@ -96,12 +101,14 @@ static bool read_block(NcInterpreter *interpreter, const char *text, size_t leng
     NcExecution *x = &interpreter->x;
     const NcModal before = x->modal;
     const guint n_before = moves->len;
+    nc_compensation_copy(interpreter->kept, x->compensation);
     x->moves = moves;
     x->block = block;
     x->statement_line = ++x->modal.line;
     if (!run_line(interpreter, x, text, length, error)) {
         g_array_set_size(moves, n_before);
         x->modal = before;
+        nc_compensation_copy(x->compensation, interpreter->kept);
         return false;
     }
     x->modal.line = x->statement_line;
@@ -126,7 +133,7 @@ bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **erro
 {
     const NcBlock *block = x->block;
     NcModal *modal = &x->modal;
-    x->first_move = x->moves->len;
+    x->first_move = x->uncompensated = x->moves->len;
     if (!nc_lex(x, text, length, error))
         return false;
     bool empty = block->n_words == 0 && block->n_settings == 0 && !block->percent;
@@ -136,7 +143,7 @@ bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **erro
     bool good = block->percent ? read_percent(x, error)
                 : skipped      ? true
                                : nc_check(x->block, modal, error) && nc_execute(x, error);
-    if (!good)
+    if (!good || !nc_compensate(x, error))
         return false;
     for (int i = 0; !skipped && i < block->n_settings; i++)
         nc_parameter_set(x->parameters, block->settings[i].parameter, block->settings[i].value);

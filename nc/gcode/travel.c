@@ -54,7 +54,7 @@ static SegVec3 rotary_shift(const NcExecution *x)
 
 NcPlace nc_program_place(const NcExecution *x)
 {
-    return (NcPlace){seg_sub(x->modal.position, nc_program_shift(x)),
+    return (NcPlace){seg_sub(nc_gauge_point(x), nc_program_shift(x)),
                      seg_sub(x->modal.position_deg, rotary_shift(x))};
 }
 

@@ -22,10 +22,10 @@ CfgMachine gcode_machine(void)
 
 const CfgToolTable *gcode_tools(void)
 {
-    static CfgTool tools[] = {{.number = 1, .length_mm = 50.8},
-                              {.number = 2, .length_mm = 60.0},
-                              {.number = 3, .length_mm = 70.0},
-                              {.number = 4, .length_mm = 80.0}};
+    static CfgTool tools[] = {{.number = 1, .length_mm = 50.8, .diameter_mm = 6.35},
+                              {.number = 2, .length_mm = 60.0, .diameter_mm = 6.35},
+                              {.number = 3, .length_mm = 70.0, .diameter_mm = 6.35},
+                              {.number = 4, .length_mm = 80.0, .diameter_mm = 6.35}};
     static const CfgToolTable table = {tools, G_N_ELEMENTS(tools)};
     return &table;
 }

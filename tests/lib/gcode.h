@@ -9,7 +9,7 @@
  * (10, 20, -30); tool change at the zero. */
 CfgMachine gcode_machine(void);
 
-/* Tools 1 to 4, 50.8 mm, 60, 70 and 80 mm long. */
+/* Tools 1 to 4, 50.8 mm, 60, 70 and 80 mm long, of 6.35 mm diameter. */
 const CfgToolTable *gcode_tools(void);
 
 /* One line a move, shortest numbers: "rapid 1 2 3", "feed 1 2 3 f100", "arc 1 2 3 centre 4 5 3

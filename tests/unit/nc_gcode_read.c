@@ -223,7 +223,7 @@ static void refusals(void)
         {"G95 F1 S9 G1 X1", "line 1, column 11: G1 needs the spindle turning"},
         {"G95 F1 S9 M3 G38.2 X1", "line 1, column 14: G38.2 cannot be used with G95"},
         {"G96 D9", "line 1, column 1: G96 needs an S word"},
-        {"G97 D9", "line 1, column 5: D9 needs G96"},
+        {"G97 D9", "line 1, column 5: D9 needs G41, G42, G41.1, G42.1 or G96"},
         {"G38.2 X1", "line 1, column 1: G38.2 needs a feed"},
         {"G38.2 X0 F1", "line 1, column 1: G38.2 begins where it ends"},
         {"G43.1", "line 1, column 1: G43.1 needs a Z word"},

@@ -23,7 +23,7 @@ static void values(void)
         {"#5241=5 G55 G0 X1 Y0 Z30\nX#5220\nM2", "rapid 6 20 0\nrapid 7 20 0\nend\n"},
         {"#5161=5 G28\n#5162=6\nG28 Y0\nG0 X9\nG28.1\nX[#5161+1]\nM2",
          "rapid 0 0 0\nrapid 5 0 0\nrapid 5 0 0\nrapid 5 6 0\nrapid 9 6 0\nrapid 10 6 0\nend\n"},
-        {"T1 M6\nG0 Z[#5403-#5410]\nM2", "tool 1\nrapid 0 0 50.8\nend\n"},
+        {"T1 M6\nG0 Z[#5403-#5410]\nM2", "tool 1\nrapid 0 0 44.45\nend\n"},
         {"/#1=4\nG0 X#1\nM2", "rapid 4 0 0\nend\n"},
     };
     CfgMachine machine = gcode_machine();
