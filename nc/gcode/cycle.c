@@ -174,8 +174,12 @@ static void peck(NcExecution *x, const Hole *hole)
     }
 }
 
+/* What a person turns does not count meanwhile. */
 static void tap(NcExecution *x, const Hole *hole)
 {
+    NcModal *modal = &x->modal;
+    const bool feed_off = modal->feed_override_off, spindle_off = modal->spindle_override_off;
+    modal->feed_override_off = modal->spindle_override_off = true;
     go(x, NC_MOVE_FEED, hole->normal, hole->bottom);
     turn(x, 0);
     turn(x, -1);
@@ -183,6 +187,8 @@ static void tap(NcExecution *x, const Hole *hole)
     go(x, NC_MOVE_FEED, hole->normal, hole->clear);
     turn(x, 0);
     turn(x, 1);
+    modal->feed_override_off = feed_off;
+    modal->spindle_override_off = spindle_off;
 }
 
 static void bore(NcExecution *x, const Hole *hole)

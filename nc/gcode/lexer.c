@@ -85,10 +85,11 @@ static bool lex_mark(NcCursor *cursor, NcBlock *block, GError **error)
     return true;
 }
 
-/* "MSG,…" and the like; of several the last one counts, as in LinuxCNC. */
+/* "MSG,…" and the like; of several comments the last one counts, as in LinuxCNC. */
 static void read_message(NcBlock *block, const char *text, const char *end)
 {
     static const char *const kinds[] = {"MSG,", "DEBUG,", "PRINT,", "LOG,"};
+    block->message = NULL;
     while (text < end && (*text == ' ' || *text == '\t'))
         text++;
     for (size_t i = 0; i < G_N_ELEMENTS(kinds); i++) {

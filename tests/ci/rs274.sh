@@ -37,7 +37,7 @@ ask() {
     variables=$(mktemp) || return
     cp tests/gcode/machine.var "$variables"
     LD_PRELOAD=${EXACT+$judge/doubles.so} timeout 20 "$judge/usr/bin/rs274" -t tests/gcode/tools.tbl -v "$variables" -g "$1" 2>"$2.log" |
-        awk '{ $1 = ""; print substr($0, 2) }' >"$2"
+        sed 's/^ *[0-9]* *//' >"$2"
     local status=${PIPESTATUS[0]}
     rm -f "$variables" "$variables.bak"
     return "$status"
