@@ -212,4 +212,8 @@ NcProgram *nc_program_new(GBytes *bytes, const uint64_t *gates, size_t n_gates);
 void nc_program_free(NcProgram *program);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcProgram, nc_program_free)
 
+/* ------------------------------------------------------------------ verifying */
+
+#include "nc/verify.h"
+
 #endif

@@ -215,8 +215,12 @@ bool nc_surface_step(const NcSurface *surface, const NcPlace *from, SegVec3 step
     if (u < u0 || u > u1 || v < v0 || v > v1)
         return false;
     /* The triangle stays that of the start, which tells the outside and the region. */
-    return place_on_face(surface, &surface->whole->facets[surface->facet_of[from->triangle]], u, v,
-                         to);
+    if (!place_on_face(surface, &surface->whole->facets[surface->facet_of[from->triangle]], u, v,
+                       to))
+        return false;
+    if (seg_dot(to->normal, from->normal) < 0)
+        to->normal = seg_scale(to->normal, -1);
+    return true;
 }
 
 static bool step_on_mesh(const NcSurface *surface, const NcPlace *from, SegVec3 step, NcPlace *to)
