@@ -3,7 +3,18 @@
 
 void nc_fill_begin(NcFill *fill, NcStock *stock, int axis)
 {
-    *fill = (NcFill){.stock = stock, .axis = axis, .tile_index = -1, .ray = NC_TILE_RAYS - 1};
+    const NcDexelField *field = &stock->field[axis];
+    nc_fill_begin_tile(fill, stock, axis, 0);
+    fill->end_tile = field->n_tiles[0] * field->n_tiles[1];
+}
+
+void nc_fill_begin_tile(NcFill *fill, NcStock *stock, int axis, int32_t tile)
+{
+    *fill = (NcFill){.stock = stock,
+                     .axis = axis,
+                     .tile_index = tile - 1,
+                     .end_tile = tile + 1,
+                     .ray = NC_TILE_RAYS - 1};
 }
 
 bool nc_fill_next(NcFill *fill)
@@ -13,7 +24,7 @@ bool nc_fill_next(NcFill *fill)
         if (++fill->ray == NC_TILE_RAYS) {
             if (fill->tile)
                 nc_dexel_tile_occupy(fill->stock, fill->axis, fill->tile);
-            if (++fill->tile_index == field->n_tiles[0] * field->n_tiles[1])
+            if (++fill->tile_index == fill->end_tile)
                 return false;
             fill->ray = 0;
             fill->tile = &field->tiles[fill->tile_index];
