@@ -85,10 +85,12 @@ static inline double nc_dexel_mm(const NcStock *stock, int axis, int32_t depth)
     return stock->node_mm[axis] + depth * stock->unit_mm;
 }
 
-/* The nearest depth to a coordinate along the axis. */
+/* The nearest depth to a coordinate along the axis; far outside the grid, some depth outside. */
 static inline int32_t nc_dexel_depth(const NcStock *stock, int axis, double mm)
 {
-    return (int32_t)lrint((mm - stock->node_mm[axis]) / stock->unit_mm);
+    const double most = 1 << NC_DEXEL_DEPTH_BITS;
+    double depth = (mm - stock->node_mm[axis]) / stock->unit_mm;
+    return (int32_t)lrint(depth > most ? most : depth < -most ? -most : depth);
 }
 
 /* A ray's point where its own coordinate is 0. */

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/*
+ * Where at most each chord of a group can meet a ray: single precision, all chords at once, never
+ * too narrow. It tells which chords the exact kernel must be asked for.
+ */
+#ifndef NC_STOCK_BOUNDS_H
+#define NC_STOCK_BOUNDS_H
+
+#include "nc/stock/chords.h"
+
+/* Chords with their coordinates turned to (u, v, w) of an axis, w along the rays, from `origin`;
+ * [0, n), filled up to a multiple of NC_LANES with ones that meet nothing. */
+enum { NC_LANES = 16 };
+
+typedef struct {
+    int axis, n;
+    SegVec3 origin;
+    float margin;                                   /* covers the rounding */
+    float u[NC_GROUP], v[NC_GROUP], w[NC_GROUP];    /* start */
+    float du[NC_GROUP], dv[NC_GROUP], dw[NC_GROUP]; /* to the end */
+    float tu[NC_GROUP], tv[NC_GROUP];               /* unit direction in (u, v) */
+    float level[NC_GROUP];                          /* length in (u, v) */
+    float slope[NC_GROUP], sine[NC_GROUP];          /* of w along it; 0 and ±1 where level is 0 */
+    int chord[NC_GROUP];                            /* index in the group */
+} NcLanes;
+
+/* All chords of the group. */
+void nc_lanes_load(NcLanes *lanes, const NcGroup *group, int axis);
+
+/* Those of `all` whose index is in `chosen`, ascending. */
+void nc_lanes_choose(NcLanes *lanes, const NcLanes *all, uint64_t chosen);
+
+/* For each lane an interval [low, high] of w from the origin's that holds all that `body` sweeps on
+ * the ray through (u, v), counted from the origin; empty (low > high) where there is none. */
+void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float *low,
+                     float *high);
+
+#endif

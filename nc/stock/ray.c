@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "nc/stock/ray.h"
+
+#include <string.h>
+
+#include "nc/stock/sweep.h"
+
+static void make_end(const NcRay *ray, const NcBody *body, const NcChord *chord, double t,
+                     SegVec3 normal, bool lower, NcDexelEnd *end);
+static double take_out(const NcRay *ray, NcDexelEnd from, NcDexelEnd to, int32_t *middle);
+
+double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chord,
+                       double *middle_mm)
+{
+    double t[2];
+    SegVec3 normal[2], w = {ray->axis == 0, ray->axis == 1, ray->axis == 2};
+    const NcDexelEnd *ends = ray->tile->ends + ray->tile->first[ray->ray];
+    const NcDexelEnd *last = ray->tile->ends + ray->tile->first[ray->ray + 1] - 1;
+    if (last < ends ||
+        !nc_swept_interval(body, chord->a, chord->b, ray->origin, w, &t[0], &t[1], normal) ||
+        t[0] >= nc_dexel_mm(ray->stock, ray->axis, last->depth) ||
+        t[1] <= nc_dexel_mm(ray->stock, ray->axis, ends->depth))
+        return 0;
+    NcDexelEnd from, to;
+    int32_t middle = 0;
+    make_end(ray, body, chord, t[0], normal[0], true, &from);
+    make_end(ray, body, chord, t[1], normal[1], false, &to);
+    double length = take_out(ray, from, to, &middle);
+    *middle_mm = nc_dexel_mm(ray->stock, ray->axis, middle);
+    return length;
+}
+
+/* The end of the material where the sweep's surface lies: its normal points into the sweep. */
+static void make_end(const NcRay *ray, const NcBody *body, const NcChord *chord, double t,
+                     SegVec3 normal, bool lower, NcDexelEnd *end)
+{
+    const NcStock *stock = ray->stock;
+    end->depth = nc_dexel_depth(stock, ray->axis, t);
+    end->cut = chord->cut;
+    nc_dexel_set_normal(end, seg_scale(normal, -1));
+    int32_t node;
+    if (nc_dexel_near_node(stock, ray->axis, end->depth, normal, &node)) {
+        SegVec3 p =
+            nc_dexel_point(ray->axis, ray->origin, nc_dexel_node_mm(stock, ray->axis, node));
+        bool swept = nc_swept_contains(body, chord->a, chord->b, p);
+        end->depth = (node << stock->shift) + (swept == lower ? -1 : 1);
+    }
+}
+
+/* Thinner than a film, and no node in it. */
+static bool is_film(const NcStock *stock, int32_t from, int32_t to)
+{
+    return (to - from) * stock->unit_mm < NC_FILM_MM && from >> stock->shift == to >> stock->shift;
+}
+
+static double take_out(const NcRay *ray, NcDexelEnd from, NcDexelEnd to, int32_t *middle)
+{
+    NcDexelTile *tile = ray->tile;
+    uint32_t first = tile->first[ray->ray], last = tile->first[ray->ray + 1];
+    int32_t longest = 0;
+    /* What is out of reach on both sides stays as it is; between, at most two pieces remain. */
+    while (first < last && tile->ends[first + 1].depth <= from.depth)
+        first += 2;
+    while (first < last && tile->ends[last - 2].depth >= to.depth)
+        last -= 2;
+    if (first == last || from.depth >= to.depth)
+        return 0;
+    for (uint32_t i = first; i < last; i += 2) {
+        int32_t in = MAX(tile->ends[i].depth, from.depth);
+        int32_t out = MIN(tile->ends[i + 1].depth, to.depth);
+        if (out - in > longest) {
+            longest = out - in;
+            *middle = in + (out - in) / 2;
+        }
+    }
+    NcDexelEnd left[4];
+    uint32_t n = 0, taken = last - first;
+    if (tile->ends[first].depth < from.depth &&
+        !is_film(ray->stock, tile->ends[first].depth, from.depth)) {
+        left[n++] = tile->ends[first];
+        left[n++] = from;
+    }
+    if (tile->ends[last - 1].depth > to.depth &&
+        !is_film(ray->stock, to.depth, tile->ends[last - 1].depth)) {
+        left[n++] = to;
+        left[n++] = tile->ends[last - 1];
+    }
+    if (n != taken) {
+        uint32_t all = tile->first[NC_TILE_RAYS];
+        nc_dexel_reserve(tile, all + n - taken);
+        memmove(tile->ends + first + n, tile->ends + last, (all - last) * sizeof *tile->ends);
+        for (int i = ray->ray + 1; i <= NC_TILE_RAYS; i++)
+            tile->first[i] += n - taken;
+    }
+    memcpy(tile->ends + first, left, n * sizeof *left);
+    return longest * ray->stock->unit_mm;
+}
