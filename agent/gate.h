@@ -13,7 +13,7 @@ typedef struct {
     int tool;           /* in the spindle; 0: none */
     double spindle_rpm; /* signed as in NcMove */
     bool mist, flood;
-    int work_offset; /* 54 … 59 */
+    int work_offset; /* 54 … 62 */
     double feed_mm_min;
     SegVec3 position_mm; /* gauge point, machine coordinates */
     double left_s;       /* planned, from there to the end */

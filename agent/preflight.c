@@ -208,24 +208,41 @@ static void check_tools(const AgentPreflight *flight, GArray *findings)
 
 /* --------------------------------------------------------------------- offsets */
 
+static void compare_offset(const AgentPreflight *flight, GArray *findings, unsigned i)
+{
+    const double *machine = flight->setup->work_offset_mm[i];
+    const double *planned = flight->machine->machine->work_offset_mm[i];
+    if (same(machine[0], planned[0]) && same(machine[1], planned[1]) &&
+        same(machine[2], planned[2]))
+        return;
+    add(findings, AGENT_CAUTION, "work-offset",
+        "%s is X%.4f Y%.4f Z%.4f on the machine, X%.4f Y%.4f Z%.4f in %s (more than %g mm apart); "
+        "correct the wrong one, and plan again",
+        agent_work_offset_name(54 + i), machine[0], machine[1], machine[2], planned[0], planned[1],
+        planned[2], flight->machine->machine_file, AGENT_PREFLIGHT_TOLERANCE_MM);
+}
+
+/* Machines publish X, Y and Z of G54 to G59. */
 static void check_offsets(const AgentPreflight *flight, GArray *findings)
 {
     if (!flight->needs || !is_published(flight))
         return;
-    for (int i = 0; i < 6; i++) {
+    for (unsigned i = 0; i < CFG_N_WORK_OFFSETS; i++) {
         if (!(flight->needs->work_offsets & 1u << i))
             continue;
-        const double *machine = flight->setup->work_offset_mm[i];
-        const double *planned = flight->machine->machine->work_offset_mm[i];
-        if (same(machine[0], planned[0]) && same(machine[1], planned[1]) &&
-            same(machine[2], planned[2]))
-            continue;
-        add(findings, AGENT_CAUTION, "work-offset",
-            "G%d is X%.4f Y%.4f Z%.4f on the machine, X%.4f Y%.4f Z%.4f in %s (more than %g mm "
-            "apart); correct the wrong one, and plan again",
-            54 + i, machine[0], machine[1], machine[2], planned[0], planned[1], planned[2],
-            flight->machine->machine_file, AGENT_PREFLIGHT_TOLERANCE_MM);
+        if (i < G_N_ELEMENTS(flight->setup->work_offset_mm))
+            compare_offset(flight, findings, i);
+        else
+            add(findings, AGENT_CAUTION, "work-offset-unknown",
+                "moves are counted from %s, which machines do not publish: compare it with %s at "
+                "the machine, or use G54 to G59",
+                agent_work_offset_name(54 + i), flight->machine->machine_file);
     }
+    if (flight->needs->rotary)
+        add(findings, AGENT_CAUTION, "work-offset-unknown",
+            "A, B or C move, and machines do not publish their work offsets: compare them with %s "
+            "at the machine",
+            flight->machine->machine_file);
 }
 
 /* ---------------------------------------------------------------------- memory */

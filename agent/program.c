@@ -104,6 +104,13 @@ static void add_move(AgentProgram *program, GArray *regions, GArray *lines, cons
     g_array_append_val(lines, line);
 }
 
+const char *agent_work_offset_name(unsigned number)
+{
+    static const char *const names[] = {"G54", "G55",   "G56",   "G57",  "G58",
+                                        "G59", "G59.1", "G59.2", "G59.3"};
+    return number - 54 < G_N_ELEMENTS(names) ? names[number - 54] : "G5x";
+}
+
 static int by_number(const void *a, const void *b)
 {
     int x = *(const int *)a, y = *(const int *)b;
@@ -115,9 +122,12 @@ static void find_needs(AgentProgram *program, const NcMove *moves, size_t n)
     GArray *tools = g_array_new(false, false, sizeof(int));
     for (size_t i = 0; i < n; i++) {
         const NcMove *move = &moves[i];
-        bool travels = move->kind <= NC_MOVE_ARC;
-        if (travels && !move->machine_coordinates)
+        bool travels = move->kind <= NC_MOVE_ARC || move->kind == NC_MOVE_PROBE;
+        if (travels && !move->machine_coordinates) {
             program->work_offsets |= 1u << (move->work_offset - 54);
+            for (int axis = 0; axis < 3; axis++)
+                program->rotary = program->rotary || move->from_deg[axis] != move->to_deg[axis];
+        }
         bool known = move->tool == 0 || (i > 0 && move->tool == moves[i - 1].tool);
         for (guint t = 0; !known && t < tools->len; t++)
             known = g_array_index(tools, int, t) == move->tool;

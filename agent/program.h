@@ -28,8 +28,12 @@ typedef struct {
     int tool_changes;
     int *tools; /* numbers that are called, ascending */
     size_t n_tools;
-    unsigned work_offsets; /* bit 0: some move is counted from G54, bit 1: from G55 … */
+    unsigned work_offsets; /* bit 0: some move is counted from G54 … bit 8: from G59.3 */
+    bool rotary;           /* A, B or C move, and are counted from one of them */
 } AgentProgram;
+
+/* "G54" … "G59", and "G59.1" … "G59.3" of 60 … 62. */
+const char *agent_work_offset_name(unsigned number);
 
 /* The machine a program was made for: its description, and the tools. */
 typedef struct {

@@ -248,7 +248,8 @@ static void show(FILE *to, const Restart *restart, const FbStatus *status)
         fprintf(to, "region    %d\n", gate->region);
     fprintf(to, "tool      %s\n", tool);
     fprintf(to, "spindle   %s, coolant %s\n", spindle, coolant_name(gate));
-    fprintf(to, "offset    G%d, feed %g mm/min\n", gate->work_offset, gate->feed_mm_min);
+    fprintf(to, "offset    %s, feed %g mm/min\n",
+            agent_work_offset_name((unsigned)gate->work_offset), gate->feed_mm_min);
     fprintf(to, "place     X%.3f Y%.3f Z%.3f mm, machine coordinates\n", at->x, at->y, at->z);
     fprintf(to, "left      %.1f s, %zu blocks\n\n", gate->left_s, gate->left_blocks);
     fprintf(to,

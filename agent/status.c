@@ -4,6 +4,7 @@
 
 #include "agent/kept.h"
 #include "agent/link.h"
+#include "agent/program.h"
 
 static bool run(const AgentOptions *options, AgentJson *result, GError **error);
 
@@ -93,8 +94,9 @@ static void print_status(const FbStatus *status)
            status->agent_lost ? ", its agent is lost" : "",
            status->needs_acknowledge ? " (wants an acknowledgement at the machine)" : "");
     print_program(status);
-    printf("position  X%.3f Y%.3f Z%.3f mm, tool %d, G%u\n", status->position_mm[0],
-           status->position_mm[1], status->position_mm[2], status->tool, status->work_offset);
+    printf("position  X%.3f Y%.3f Z%.3f mm, tool %d, %s\n", status->position_mm[0],
+           status->position_mm[1], status->position_mm[2], status->tool,
+           agent_work_offset_name(status->work_offset));
     printf("feed      %.0f mm/min, spindle %.0f rev/min\n", status->feed_mm_min,
            status->spindle_rpm);
     printf("override  feed %u %%, rapids %u %%, spindle %u %%; optional stop %s\n",

@@ -178,7 +178,7 @@ typedef struct {
     uint64_t memory_bytes;    /* for a stream; 0: the machine does not say */
     uint16_t setup_serial;    /* moves with every change of the tool table or the offsets */
     uint16_t n_tools;         /* in the machine's tool table */
-    uint16_t work_offset;     /* in force: 54 … 59 */
+    uint16_t work_offset;     /* in force: 54 … 59; 60 … 62: G59.1 … */
     uint8_t sha256[32];       /* the machine's own hash after VERIFY, zeros before */
     char alarm_text[FB_TEXT_BYTES];
     char alarm_advice[FB_TEXT_BYTES];
@@ -202,7 +202,7 @@ typedef struct {
     uint16_t serial; /* 0: the machine publishes none of this */
     uint16_t n_tools;
     FbTool tools[FB_TOOLS_MOST]; /* ascending by number */
-    uint16_t work_offset;        /* in force: 54 … 59 */
+    uint16_t work_offset;        /* in force: 54 … 59; 60 … 62: G59.1 … */
     double work_offset_mm[6][3]; /* G54 … G59 */
 } FbSetup;
 

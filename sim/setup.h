@@ -6,7 +6,7 @@
 #include "fieldbus/fieldbus.h"
 
 /* The tools with the lowest numbers, as many as the protocol carries, and all offsets;
- * `work_offset` is the one in force, 54 to 59. */
+ * `work_offset` is the one in force, 54 to 62. */
 FbSetup sim_setup(const CfgMachine *machine, const CfgToolTable *tools, int work_offset);
 
 #endif

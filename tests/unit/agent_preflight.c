@@ -104,6 +104,14 @@ static void other_offset(Case *c)
 {
     c->needs.work_offsets = 2;
 }
+static void far_offset(Case *c)
+{
+    c->needs.work_offsets = 1u << 7;
+}
+static void rotary(Case *c)
+{
+    c->needs.rotary = true;
+}
 static void no_offset(Case *c)
 {
     c->needs.work_offsets = 0;
@@ -171,6 +179,8 @@ static const struct {
     {"unused tool", unused_tool, 0, NULL, {0}},
     {"offset", offset, AGENT_CAUTION, "work-offset", {"G54", "Y-199.0000", "Y-200.0000"}},
     {"other offset", other_offset, AGENT_CAUTION, "work-offset", {"G55", "X9.0", "machine.ini"}},
+    {"far offset", far_offset, AGENT_CAUTION, "work-offset-unknown", {"G59.2", "machine.ini"}},
+    {"rotary axes", rotary, AGENT_CAUTION, "work-offset-unknown", {"A, B or C", "machine.ini"}},
     {"no offset", no_offset, 0, NULL, {0}},
     {"unpublished", unpublished, AGENT_WARNING, "not-published", {"neither tool table"}},
     {"empty table", empty_table, AGENT_CAUTION, "tool-missing", {"T3", "not in the machine's"}},
