@@ -88,7 +88,8 @@ bool nc_compensation_move(NcCompensation *c, const NcMove *move, GArray *out, co
     bool stops = move->kind == NC_MOVE_STOP || move->kind == NC_MOVE_OPTIONAL_STOP ||
                  move->kind == NC_MOVE_END;
     if (travels && c->away && move->kind == NC_MOVE_ARC)
-        return fail(why, "cannot be an arc: behind G40 a straight move has to bring the tool back");
+        return fail(
+            why, "cannot be an arc behind G40, where a straight move has to bring the tool back");
     if (travels && c->side != 0 && c->radius_mm > 0.0)
         return c->entered ? follow(c, move, out, why) : enter(c, move, why);
     if (!travels && !stops && c->n_waiting > 0)
@@ -316,8 +317,9 @@ static bool cut_short(NcCompensation *c, const Element *e, NcPlanePoint arrival,
     NcPlanePoint meet = in_plane(c, c->offset);
     bool found = true;
     if (c->stopped)
-        return fail(why, "leaves an inside corner in which the program stopped: the tool has gone "
-                         "too far already");
+        return fail(why,
+                    "leaves an inside corner in which the program stopped and the tool has gone "
+                    "too far already");
     if (arc)
         found = e->arc ? arc_to_arc(c, e, arc, &meet) : arc_to_line(c, e, arc, &meet);
     else if (e->arc)

@@ -14,7 +14,7 @@ static bool find_radius(const NcExecution *x, double *radius_mm, GError **error)
 static bool corner_error(const NcExecution *x, const char *why, GError **error)
 {
     return nc_word_error(error, x->modal.line, nc_motion_word(x->block),
-                         "%s (its radius is %.6g mm)", why, x->compensation->radius_mm);
+                         "%s: the tool's radius is %.6g mm", why, x->compensation->radius_mm);
 }
 
 bool nc_set_compensation(NcExecution *x, GError **error)

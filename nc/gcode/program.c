@@ -22,7 +22,8 @@ typedef struct {
 
 static void survey_block(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
                          guint first_move, void *data);
-static void survey_structure(Survey *survey, const NcModal *modal, uint64_t end, guint first_move);
+static void survey_structure(Survey *survey, const NcInterpreter *interpreter, uint64_t end,
+                             guint first_move);
 static void find_gates(const Survey *survey, uint64_t length, GArray *gates);
 
 NcProgram *nc_program_new(GBytes *bytes, const uint64_t *gates, size_t n_gates)
@@ -63,13 +64,31 @@ NcProgram *nc_program_from_bytes(GBytes *bytes, const CfgMachine *machine,
     return nc_program_new(bytes, (const uint64_t *)(void *)gates->data, gates->len);
 }
 
+/* While moves of a compensated contour wait for the next one, the tool is not where the program has
+ * come to. */
+static void end_block(Survey *survey, const NcInterpreter *interpreter, BlockEnd done)
+{
+    if (interpreter->x.compensation->n_waiting > 0)
+        done = (BlockEnd){.end = done.end, .tip_mm = -INFINITY, .moved = true};
+    g_array_append_val(survey->ends, done);
+}
+
+/* A move that has waited. */
+static void survey_late(Survey *survey, const NcModal *modal, const NcMove *move)
+{
+    double tip_mm = move->to.z - modal->tool_length_mm;
+    survey->highest_mm = fmax(survey->highest_mm, tip_mm);
+    if (move->kind == NC_MOVE_RAPID)
+        survey->highest_rapid_mm = fmax(survey->highest_rapid_mm, tip_mm);
+}
+
 static void survey_block(const NcInterpreter *interpreter, const NcBlock *block, size_t end,
                          guint first_move, void *data)
 {
     Survey *survey = data;
     const NcModal *modal = &interpreter->x.modal;
     if (!block) {
-        survey_structure(survey, modal, end, first_move);
+        survey_structure(survey, interpreter, end, first_move);
         return;
     }
     bool homing = block->by.g[NC_G_NON_MODAL] == 280 || block->by.g[NC_G_NON_MODAL] == 300;
@@ -80,6 +99,11 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
         const NcMove *move = &g_array_index(survey->moves, NcMove, i);
         if (!nc_move_travels(move))
             continue;
+        if (move->line != modal->line) {
+            survey_late(survey, modal, move);
+            done.moved = true;
+            continue;
+        }
         bool whole = homing && !nc_word(block, 'X') && !nc_word(block, 'Y');
         bool names_z = nc_word(block, 'Z') || whole;
         done.moved = done.moved || names_z || move->to.z != move->from.z;
@@ -90,13 +114,15 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
                 survey->highest_rapid_mm = fmax(survey->highest_rapid_mm, done.tip_mm);
         }
     }
-    g_array_append_val(survey->ends, done);
+    end_block(survey, interpreter, done);
 }
 
 /* Blocks of loops and subroutines: a tool that changes in them leaves heights that cannot be
  * compared, so then there is no highest one. */
-static void survey_structure(Survey *survey, const NcModal *modal, uint64_t end, guint first_move)
+static void survey_structure(Survey *survey, const NcInterpreter *interpreter, uint64_t end,
+                             guint first_move)
 {
+    const NcModal *modal = &interpreter->x.modal;
     BlockEnd done = {.end = end, .tip_mm = modal->position.z - modal->tool_length_mm};
     bool same_tool = modal->tool_length_mm == survey->tool_length_mm;
     for (guint i = first_move; i < survey->moves->len; i++) {
@@ -111,7 +137,7 @@ static void survey_structure(Survey *survey, const NcModal *modal, uint64_t end,
             survey->highest_rapid_mm = fmax(survey->highest_rapid_mm, tip_mm);
     }
     survey->tool_length_mm = modal->tool_length_mm;
-    g_array_append_val(survey->ends, done);
+    end_block(survey, interpreter, done);
 }
 
 /* A gate opens where a stretch of clear blocks begins; the last one is the program's length. A

@@ -306,7 +306,7 @@ static void refusals_at_the_ends(void)
         {{"F9 G41.1 D2", "G3 X1 I.5"}, "line 2, column 1: G3 leads to the contour and must be"},
         {{"F9 G41.1 D20", "G3 X12 I6"}, "line 2, column 1: G3 is an arc too small for the tool"},
         {{"F9 G41.1 D2", "G1 X9", "X19", "G40", "G2 X29 I5"},
-         "line 5, column 1: G2 cannot be an arc: behind G40"},
+         "line 5, column 1: G2 cannot be an arc behind G40"},
         {{"F9 G41.1 D2", "G1 X9", "X19", "M0", "Y9"},
          "line 5, column 1: Y9 leaves an inside corner in which the program stopped"},
         {{"F9 G41.1 D4", "G1 X9", "X19", "G3 X22 I1.5 Y0"}, "line 4, column 1: G3 is an arc too"},
@@ -388,6 +388,25 @@ static void rotary(void)
     }
 }
 
+/* None opens while what raises the tool still waits. */
+static void gates(void)
+{
+    static const char before[] = "F100 G0 Z5\n";
+    static const char within[] = "G0 X0 Y0\nG1 Z-1\nG41.1 D2\nG1 X10\nX20\nG0 Z5\nG0 X30\nG40\n";
+    static const char behind[] = "G0 X0 Y0\nM2\n";
+    const size_t expected[] = {strlen(before), strlen(before) + strlen(within),
+                               strlen(before) + strlen(within) + strlen(behind)};
+    CfgMachine machine = gcode_machine();
+    g_autoptr(GError) error = NULL;
+    g_autofree char *text = g_strconcat(before, within, behind, NULL);
+    g_autoptr(GBytes) bytes = g_bytes_new(text, strlen(text));
+    g_autoptr(NcProgram) program = nc_program_from_bytes(bytes, &machine, gcode_tools(), &error);
+    g_assert_no_error(error);
+    g_assert_cmpuint(program ? program->n_gates : 0, ==, G_N_ELEMENTS(expected));
+    for (size_t i = 0; program && i < MIN(program->n_gates, G_N_ELEMENTS(expected)); i++)
+        g_assert_cmpuint(program->gates[i], ==, expected[i]);
+}
+
 static void add(void)
 {
     g_test_add_func("/nc/compensation/square", square);
@@ -399,6 +418,7 @@ static void add(void)
     g_test_add_func("/nc/compensation/too_much_waits", too_much_waits);
     g_test_add_func("/nc/compensation/order", order);
     g_test_add_func("/nc/compensation/rotary", rotary);
+    g_test_add_func("/nc/compensation/gates", gates);
 }
 
 int main(int argc, char **argv)
