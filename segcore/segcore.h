@@ -14,6 +14,7 @@
 #include <stdint.h>
 
 #include "segcore/geom/vec.h"
+#include "segcore/surface.h"
 
 typedef enum {
     SEG_ERROR_INPUT,    /* the file, or an entity in it, is not usable: exit status 3 */
@@ -127,7 +128,7 @@ typedef struct {
  * A part: immutable, one block of memory, tables as above. `chord_mm` is the tolerance the
  * tessellation was asked for; 0 for a mesh.
  */
-typedef struct {
+typedef struct SegPart {
     const SegFace *faces;
     const SegLoop *loops;
     const SegCoedge *coedges;
@@ -236,6 +237,11 @@ SegLoopPolygon seg_loop_polygon(const SegPart *part, int32_t loop, double chord_
 
 /* Is (u,v) inside the face's loops? Even-odd over the polygons of the face's loops. */
 bool seg_polygons_contain(const SegLoopPolygon *polygons, size_t n, double u, double v);
+
+/* The same over a grid: flags[i·n_v + j] of what is outside at (u[i], v[j]) gets SEG_POINT_OUTSIDE;
+ * nothing else is changed. */
+void seg_polygons_grid(const SegLoopPolygon *polygons, size_t n, const double *u, size_t n_u,
+                       const double *v, size_t n_v, uint8_t *flags);
 
 /* Face adjacency: pairs of faces that share an edge by topology, or whose free edges lie on each
  * other within `tolerance_mm` (IGES files of single 144s share no topology). Sorted pairs

@@ -134,16 +134,69 @@ SegLoopPolygon seg_loop_polygon(const SegPart *part, int32_t loop, double chord_
     return (SegLoopPolygon){(double(*)[2])(void *)g_array_free(o.uv, FALSE), n};
 }
 
+/* Does the side from a to b pass v, and at which u? */
+static inline bool side_passes(const double a[2], const double b[2], double v, double *u)
+{
+    if ((a[1] > v) == (b[1] > v))
+        return false;
+    *u = a[0] + (v - a[1]) / (b[1] - a[1]) * (b[0] - a[0]);
+    return true;
+}
+
 bool seg_polygons_contain(const SegLoopPolygon *polygons, size_t n, double u, double v)
 {
     bool inside = false;
     for (size_t i = 0; i < n; i++) {
         const SegLoopPolygon *p = &polygons[i];
-        for (size_t k = 0, j = p->n - 1; k < p->n; j = k++) {
-            const double *a = p->uv[j], *b = p->uv[k];
-            if ((a[1] > v) != (b[1] > v) && u < a[0] + (v - a[1]) / (b[1] - a[1]) * (b[0] - a[0]))
+        double at;
+        for (size_t k = 0, j = p->n - 1; k < p->n; j = k++)
+            if (side_passes(p->uv[j], p->uv[k], v, &at) && u < at)
                 inside = !inside;
-        }
     }
     return inside;
+}
+
+static int compare_doubles(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static void find_passes(const SegLoopPolygon *polygons, size_t n, double v, GArray *passes)
+{
+    g_array_set_size(passes, 0);
+    for (size_t i = 0; i < n; i++) {
+        const SegLoopPolygon *p = &polygons[i];
+        double at;
+        for (size_t k = 0, j = p->n - 1; k < p->n; j = k++)
+            if (side_passes(p->uv[j], p->uv[k], v, &at))
+                g_array_append_val(passes, at);
+    }
+    g_array_sort(passes, compare_doubles);
+}
+
+/* How many of the sorted values are above u. */
+static guint count_above(const GArray *sorted, double u)
+{
+    guint low = 0, high = sorted->len;
+    while (low < high) {
+        guint middle = low + (high - low) / 2;
+        if (u < g_array_index(sorted, double, middle))
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return sorted->len - low;
+}
+
+void seg_polygons_grid(const SegLoopPolygon *polygons, size_t n, const double *u, size_t n_u,
+                       const double *v, size_t n_v, uint8_t *flags)
+{
+    g_autoptr(GArray) passes = g_array_new(FALSE, FALSE, sizeof(double));
+    for (size_t j = 0; j < n_v; j++) {
+        find_passes(polygons, n, v[j], passes);
+        for (size_t i = 0; i < n_u; i++)
+            if (count_above(passes, u[i]) % 2 == 0)
+                flags[i * n_v + j] |= SEG_POINT_OUTSIDE;
+    }
 }
