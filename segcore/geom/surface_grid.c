@@ -161,8 +161,8 @@ static void sum_over_u(const Grid *g, double u, SegChunk *chunk)
                       g->row + (o * (size_t)g->dim + x) * columns + first);
 }
 
-/* The sum of b[j]·c[j] for j = 0 … q, the b `step` apart. Written out as far as usual degrees go: a
- * loop inside would keep the compiler from taking several samples at once. */
+/* The sum of b[j]·c[j] for j = 0 … q <= 5, the b `step` apart. Written out: a loop inside would
+ * keep the compiler from taking several samples at once. */
 static inline __attribute__((always_inline)) double sum(int q, const double *b, size_t step,
                                                         const double *c)
 {
@@ -175,8 +175,6 @@ static inline __attribute__((always_inline)) double sum(int q, const double *b, 
         s += b[4 * step] * c[4];
     if (q >= 5)
         s += b[5 * step] * c[5];
-    for (int j = 6; j <= q; j++)
-        s += b[(size_t)j * step] * c[j];
     return s;
 }
 
@@ -195,6 +193,27 @@ sum_coordinate(int q, const double *c0, const double *c1, const double *c2, cons
         d[SEG_DV][x][at + k] = sum(q, b1 + k, step, c0);
         d[SEG_DUV][x][at + k] = sum(q, b1 + k, step, c1);
         d[SEG_DVV][x][at + k] = sum(q, b2 + k, step, c0);
+    }
+}
+
+/* The same of any degree: pole after pole. */
+static inline __attribute__((always_inline)) void
+sum_coordinate_any(int q, const double *c0, const double *c1, const double *c2, const double *b,
+                   size_t step, size_t n, double (*d)[4][SEG_CHUNK_ROOM], int x, size_t at)
+{
+    size_t order = (size_t)(q + 1) * step;
+    for (int i = 0; i < SEG_N_DERIVATIVES; i++)
+        memset(d[i][x] + at, 0, n * sizeof(double));
+    for (int j = 0; j <= q; j++, b += step) {
+#pragma omp simd
+        for (size_t k = 0; k < n; k++) {
+            d[SEG_D][x][at + k] += b[k] * c0[j];
+            d[SEG_DU][x][at + k] += b[k] * c1[j];
+            d[SEG_DUU][x][at + k] += b[k] * c2[j];
+            d[SEG_DV][x][at + k] += b[order + k] * c0[j];
+            d[SEG_DUV][x][at + k] += b[order + k] * c1[j];
+            d[SEG_DVV][x][at + k] += b[2 * order + k] * c0[j];
+        }
     }
 }
 
@@ -221,7 +240,7 @@ static void sum_coordinate_of(int q, const double *c0, const double *c1, const d
         sum_coordinate(5, c0, c1, c2, b, step, n, d, x, at);
         break;
     default:
-        sum_coordinate(q, c0, c1, c2, b, step, n, d, x, at);
+        sum_coordinate_any(q, c0, c1, c2, b, step, n, d, x, at);
         break;
     }
 }
