@@ -15,6 +15,7 @@
 typedef struct {
     NcPlanePoint from, to;       /* programmed */
     NcPlanePoint tangent;        /* unit, where it begins */
+    NcPlanePoint arrival;        /* unit, where it ends */
     NcPlanePoint normal;         /* unit, where it begins, to the tool's side */
     NcPlanePoint end;            /* the tool's */
     NcPlanePoint centre;         /* of an arc */
@@ -170,6 +171,7 @@ static bool offset_arc(const NcCompensation *c, const NcMove *move, Element *e, 
     NcPlanePoint inward = unit(difference(e->centre, e->from));
     NcPlanePoint at_end = unit(difference(e->centre, e->to));
     e->tangent = quarter(inward, -e->turn);
+    e->arrival = quarter(at_end, -e->turn);
     e->normal = e->inside ? inward : opposite(inward);
     e->end = along(e->to, e->inside ? at_end : opposite(at_end), c->radius_mm);
     return true;
@@ -183,16 +185,17 @@ static bool offset_element(const NcCompensation *c, const NcMove *move, Element 
                    .arc = move->kind == NC_MOVE_ARC};
     if (e->arc)
         return offset_arc(c, move, e, why);
-    e->tangent = unit(difference(e->to, e->from));
+    e->tangent = e->arrival = unit(difference(e->to, e->from));
     e->normal = quarter(e->tangent, c->side);
     e->end = along(e->to, e->normal, c->radius_mm);
     return true;
 }
 
-static void pass(NcCompensation *c, const NcMove *move, NcPlanePoint end)
+static void pass(NcCompensation *c, const NcMove *move, const Element *e)
 {
     c->programmed = move->to;
-    c->offset = with_plane(c, move->to, end);
+    c->offset = with_plane(c, move->to, e->end);
+    c->arrival = e->arrival;
 }
 
 /* The first move leads to beside its end. A line cannot turn back there, and an entry arc is
@@ -217,7 +220,7 @@ static bool enter(NcCompensation *c, const NcMove *move, const char **why)
         NcPlanePoint centre = along(e.end, inward, dot(chord, chord) / (2.0 * reach));
         waiting.move.centre = with_plane(c, move->centre, centre);
     }
-    pass(c, move, e.end);
+    pass(c, move, &e);
     c->entered = true;
     return wait_for_next(c, &waiting, why);
 }
@@ -226,9 +229,9 @@ static bool enter(NcCompensation *c, const NcMove *move, const char **why)
 
 /* By how much the contour turns away from the tool where the element begins: from -π/2 to 3π/2,
  * a quarter turn to the tool's side being either. */
-static double outward_turn(const NcCompensation *c, const Element *e, NcPlanePoint arrival)
+static double outward_turn(const NcCompensation *c, const Element *e)
 {
-    double turned = atan2(-c->side * cross(arrival, e->tangent), dot(arrival, e->tangent));
+    double turned = atan2(-c->side * cross(c->arrival, e->tangent), dot(c->arrival, e->tangent));
     return turned < -G_PI_2 ? turned + 2.0 * G_PI : turned;
 }
 
@@ -267,14 +270,13 @@ static bool line_meets_circle(NcPlanePoint centre, double radius, NcPlanePoint n
     return true;
 }
 
-static bool line_to_arc(const NcCompensation *c, const Element *e, NcPlanePoint arrival,
-                        NcPlanePoint *meet)
+static bool line_to_arc(const NcCompensation *c, const Element *e, NcPlanePoint *meet)
 {
-    NcPlanePoint normal = quarter(arrival, c->side);
+    NcPlanePoint normal = quarter(c->arrival, c->side);
     NcPlanePoint inward = unit(difference(e->centre, e->from));
     double height = c->radius_mm - e->radius_mm * dot(inward, normal);
     return line_meets_circle(e->centre, e->offset_mm, normal, height,
-                             e->inside ? arrival : opposite(arrival), meet);
+                             e->inside ? c->arrival : opposite(c->arrival), meet);
 }
 
 static bool arc_to_line(const NcCompensation *c, const Element *e, const NcMove *arc,
@@ -283,7 +285,10 @@ static bool arc_to_line(const NcCompensation *c, const Element *e, const NcMove 
     NcPlanePoint centre = in_plane(c, arc->centre);
     double radius = length(difference(in_plane(c, c->offset), centre));
     double programmed = radius + (waiting_arc_inside(c) ? c->radius_mm : -c->radius_mm);
-    NcPlanePoint inward = unit(difference(centre, e->from));
+    NcPlanePoint to_centre = difference(centre, e->from);
+    if (!(length(to_centre) > 0.0))
+        return false;
+    NcPlanePoint inward = unit(to_centre);
     double height = c->radius_mm - programmed * dot(inward, e->normal);
     return line_meets_circle(centre, radius, e->normal, height,
                              waiting_arc_inside(c) ? opposite(e->tangent) : e->tangent, meet);
@@ -310,8 +315,8 @@ static bool arc_to_arc(const NcCompensation *c, const Element *e, const NcMove *
 }
 
 /* Both moves end and begin where their paths, beside the contour, meet. */
-static bool cut_short(NcCompensation *c, const Element *e, NcPlanePoint arrival, double turn,
-                      GArray *out, const char **why)
+static bool cut_short(NcCompensation *c, const Element *e, double turn, GArray *out,
+                      const char **why)
 {
     const NcMove *arc = waiting_arc(c);
     NcPlanePoint meet = in_plane(c, c->offset);
@@ -323,9 +328,9 @@ static bool cut_short(NcCompensation *c, const Element *e, NcPlanePoint arrival,
     if (arc)
         found = e->arc ? arc_to_arc(c, e, arc, &meet) : arc_to_line(c, e, arc, &meet);
     else if (e->arc)
-        found = line_to_arc(c, e, arrival, &meet);
+        found = line_to_arc(c, e, &meet);
     else
-        meet = along(meet, arrival, c->radius_mm * tan(0.5 * turn));
+        meet = along(meet, c->arrival, c->radius_mm * tan(0.5 * turn));
     if (!found)
         return fail(why, "leaves an inside corner that the tool does not fit into");
     if (!settle(c, meet, why))
@@ -354,11 +359,9 @@ static void go_round(NcCompensation *c, NcMove *move, const Element *e, GArray *
 static bool turn_corner(NcCompensation *c, NcMove *move, const Element *e, GArray *out,
                         const char **why)
 {
-    NcPlanePoint normal = unit(difference(in_plane(c, c->offset), in_plane(c, c->programmed)));
-    NcPlanePoint arrival = quarter(normal, -c->side);
-    double turn = outward_turn(c, e, arrival);
+    double turn = outward_turn(c, e);
     if (is_inside_corner(c, e, turn))
-        return cut_short(c, e, arrival, turn, out, why);
+        return cut_short(c, e, turn, out, why);
     bool outside = turn > NO_CORNER_RAD;
     /* LinuxCNC looks at what waits before a line alone. */
     if (outside && !e->arc && !settle(c, in_plane(c, c->offset), why))
@@ -376,6 +379,7 @@ static bool follow(NcCompensation *c, const NcMove *move, GArray *out, const cha
     NcPlanePoint from = in_plane(c, c->programmed), to = in_plane(c, move->to);
     if (move->kind != NC_MOVE_ARC && length(difference(to, from)) < NO_LENGTH_MM) {
         e.end = in_plane(c, c->offset);
+        e.arrival = c->arrival;
     } else {
         if (!offset_element(c, move, &e, why) || !turn_corner(c, &waiting.move, &e, out, why))
             return false;
@@ -386,7 +390,7 @@ static bool follow(NcCompensation *c, const NcMove *move, GArray *out, const cha
             waiting.direction = difference(e.to, e.from);
     }
     waiting.move.to = with_plane(c, move->to, e.end);
-    pass(c, move, e.end);
+    pass(c, move, &e);
     return wait_for_next(c, &waiting, why);
 }
 

@@ -38,9 +38,10 @@ typedef struct {
     bool entered;      /* a move has led to the contour */
     bool away;    /* the tool is not where the program left it: a straight move has to follow */
     bool stopped; /* what waited was given out before a stop, not for the next move */
-    SegVec3 programmed; /* end of the last move, as programmed */
-    SegVec3 offset;     /* the same of the tool, before the next move changes it */
-    SegVec3 at;         /* end of the last move that was given out */
+    SegVec3 programmed;   /* end of the last move, as programmed */
+    SegVec3 offset;       /* the same of the tool, before the next move changes it */
+    SegVec3 at;           /* end of the last move that was given out */
+    NcPlanePoint arrival; /* direction of the contour at its end so far, unit */
     int n_waiting;
     NcWaitingMove waiting[NC_MAX_WAITING];
 } NcCompensation;
