@@ -140,6 +140,9 @@ class Agent:
             stderr=asyncio.subprocess.PIPE)
         try:
             out, err = await asyncio.wait_for(self.process.communicate(), seconds)
+        except asyncio.CancelledError:
+            self.kill()
+            raise
         except asyncio.TimeoutError:
             self.process.kill()
             await self.process.wait()

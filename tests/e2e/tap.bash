@@ -16,15 +16,25 @@ ok() { # ok DESCRIPTION COMMAND…
         echo "ok $count - $what"
     else
         echo "not ok $count - $what"
-        head -c 2000 "$dir/said" | sed 's/^/# /'
+        excerpt "$dir/said" | sed 's/^/# /' | tee "$dir/last_failed"
+        { echo "# not ok $count - $what" && cat "$dir/last_failed"; } >>"$dir/failed"
+    fi
+}
+excerpt() { # excerpt FILE: its beginning and its end
+    if [ "$(wc -c <"$1")" -le 4000 ]; then
+        cat "$1"
+    else
+        head -c 2000 "$1" && printf '\n[…]\n' && tail -c 2000 "$1"
     fi
 }
 skip() { # skip DESCRIPTION REASON
     count=$((count + 1))
     echo "ok $count - $1 # SKIP $2"
 }
+# What failed is said once more, last, and where prove shows it: logs are cut.
 finish() {
     echo "1..$count"
+    [ ! -e "$dir/failed" ] || cat "$dir/failed" >&2
 }
 not() {
     ! "$@"
