@@ -2,66 +2,17 @@
 /* The swept volume of every kind of tool, cut by lines: against its definition, on which nothing of
  * the kernel rests, and against closed forms. */
 #include "nc/stock/sweep.h"
+#include "tests/lib/stock_case.h"
 #include "tests/lib/test.h"
 
-static const CfgTool flat = {
-    .kind = CFG_TOOL_FLAT, .diameter_mm = 6, .flute_length_mm = 20, .stickout_mm = 30};
-static const CfgTool ball = {.kind = CFG_TOOL_BALL,
-                             .diameter_mm = 6,
-                             .corner_radius_mm = 3,
-                             .flute_length_mm = 20,
-                             .stickout_mm = 30};
-static const CfgTool bull = {.kind = CFG_TOOL_BULL,
-                             .diameter_mm = 10,
-                             .corner_radius_mm = 1.5,
-                             .flute_length_mm = 20,
-                             .stickout_mm = 30};
-static const CfgTool drill = {.kind = CFG_TOOL_DRILL,
-                              .diameter_mm = 5,
-                              .tip_angle_deg = 118,
-                              .flute_length_mm = 25,
-                              .stickout_mm = 30};
-static const CfgTool chamfer = {.kind = CFG_TOOL_CHAMFER,
-                                .diameter_mm = 8,
-                                .tip_diameter_mm = 1,
-                                .tip_angle_deg = 90,
-                                .flute_length_mm = 6,
-                                .stickout_mm = 30};
-static const CfgTool taper = {.kind = CFG_TOOL_TAPER,
-                              .diameter_mm = 6,
-                              .corner_radius_mm = 0.5,
-                              .tip_diameter_mm = 1,
-                              .tip_angle_deg = 10,
-                              .flute_length_mm = 20,
-                              .stickout_mm = 30};
-static const CfgTool *const tools[] = {&flat, &ball, &bull, &drill, &chamfer, &taper};
-
-/* The tool's profile from its drawing: radius at height z above the tip, -1 where there is none. */
-static double drawn_radius(const CfgTool *tool, double z)
-{
-    double r = tool->diameter_mm / 2, corner = tool->corner_radius_mm;
-    double half = tool->tip_angle_deg * G_PI / 360;
-    if (z < 0 || z > tool->flute_length_mm)
-        return -1;
-    if (tool->kind == CFG_TOOL_TAPER) {
-        double touch = corner * (1 - sin(half));
-        if (z < touch)
-            return sqrt(z * (2 * corner - z));
-        return fmin(corner * cos(half) + (z - touch) * tan(half), r);
-    }
-    if (half > 0)
-        return fmin(tool->tip_diameter_mm / 2 + z * tan(half), r);
-    if (z < corner)
-        return r - corner + sqrt(z * (2 * corner - z));
-    return r;
-}
+enum { N_KINDS = 6 }; /* the first tools of the table */
 
 /* How far p is outside the tool, across its axis, when the tip is at a + s·(b - a). */
 static double beyond_radius(const CfgTool *tool, SegVec3 a, SegVec3 b, double s, SegVec3 p)
 {
     SegVec3 local = seg_sub(p, seg_lerp(a, b, s));
     double top = tool->flute_length_mm;
-    return hypot(local.x, local.y) - drawn_radius(tool, fmin(fmax(local.z, 0), top));
+    return hypot(local.x, local.y) - test_drawn_radius(tool, fmin(fmax(local.z, 0), top));
 }
 
 /* The definition: p is in the sweep if it is in the tool at some s. Where p is as high as the tool
@@ -143,7 +94,7 @@ static SegVec3 random_direction(GRand *random, SegVec3 move)
 static SegVec3 random_inside(GRand *random, const CfgTool *tool, SegVec3 a, SegVec3 b)
 {
     double z = g_rand_double(random) * tool->flute_length_mm;
-    double angle = g_rand_double_range(random, 0, 2 * G_PI), r = drawn_radius(tool, z);
+    double angle = g_rand_double_range(random, 0, 2 * G_PI), r = test_drawn_radius(tool, z);
     SegVec3 tip = seg_lerp(a, b, g_rand_double(random));
     return seg_add(tip, seg_vec3(r * cos(angle), r * sin(angle), z));
 }
@@ -189,7 +140,7 @@ static void test_definition(void)
     g_autoptr(GRand) random = g_rand_new_with_seed(1);
     int hits = 0, wrong = 0, n = 6000;
     for (int i = 0; i < n; i++) {
-        const CfgTool *tool = tools[i % (int)G_N_ELEMENTS(tools)];
+        const CfgTool *tool = &test_tools.tools[i % N_KINDS];
         SegVec3 a = random_vector(random, 100), b = seg_add(a, random_move(random));
         SegVec3 w = random_direction(random, seg_sub(b, a));
         SegVec3 near = seg_lerp(a, b, g_rand_double(random));
@@ -211,7 +162,7 @@ static void test_definition(void)
 /* A ball on a level move: the line across it, and the one down on it, have textbook ends. */
 static void test_ball_closed_form(void)
 {
-    NcBody body = nc_body_cutting(&ball);
+    NcBody body = nc_body_cutting(&test_tools.tools[1]);
     SegVec3 a = {0, 0, 0}, b = {10, 0, 0}, n[2];
     double t0, t1;
     g_assert_true(
@@ -233,7 +184,7 @@ static void test_ball_closed_form(void)
  * move. */
 static void test_flat_ramp(void)
 {
-    NcBody body = nc_body_cutting(&flat);
+    NcBody body = nc_body_cutting(&test_tools.tools[0]);
     SegVec3 a = {0, 0, 1}, b = {10, 0, 0}, n[2];
     double t0, t1;
     g_assert_true(
@@ -244,29 +195,31 @@ static void test_flat_ramp(void)
 
 static void test_profiles(void)
 {
-    for (size_t i = 0; i < G_N_ELEMENTS(tools); i++) {
-        NcBody body = nc_body_cutting(tools[i]);
-        test_near(body.top, tools[i]->flute_length_mm, 0, 0);
-        for (double z = 0.001; z < tools[i]->flute_length_mm; z += 0.0137) {
-            double r = drawn_radius(tools[i], z);
+    for (size_t i = 0; i < N_KINDS; i++) {
+        NcBody body = nc_body_cutting(&test_tools.tools[i]);
+        test_near(body.top, test_tools.tools[i].flute_length_mm, 0, 0);
+        for (double z = 0.001; z < test_tools.tools[i].flute_length_mm; z += 0.0137) {
+            double r = test_drawn_radius(&test_tools.tools[i], z);
             test_near(nc_body_radius_mm(&body, z), r, 1e-12, 0);
             if (r < body.radius - 1e-9)
                 test_near(nc_body_height_mm(&body, r), z, 1e-9, 0);
         }
         g_assert_true(isinf(nc_body_height_mm(&body, body.radius + 1e-9)));
     }
-    NcBody shank = nc_body_shank(&flat), holder = nc_body_holder(&flat);
-    test_near(shank.bottom, 20, 0, 0);
+    const CfgTool *stepped = &test_tools.tools[6];
+    NcBody shank = nc_body_shank(stepped), holder = nc_body_holder(stepped);
+    test_near(shank.bottom, 5, 0, 0);
     test_near(shank.top, 30, 0, 0);
-    test_near(shank.radius, 3, 0, 0);
-    g_assert_true(nc_body_is_empty(&holder));
-    CfgTool held = flat;
-    held.length_mm = 80;
-    held.holder_diameter_mm = 40;
-    holder = nc_body_holder(&held);
+    test_near(shank.radius, 4, 0, 0);
     test_near(holder.bottom, 30, 0, 0);
     test_near(holder.top, 80, 0, 0);
     test_near(holder.radius, 20, 0, 0);
+    CfgTool bare = *stepped;
+    bare.flute_length_mm = bare.length_mm = bare.stickout_mm;
+    shank = nc_body_shank(&bare);
+    holder = nc_body_holder(&bare);
+    g_assert_true(nc_body_is_empty(&shank));
+    g_assert_true(nc_body_is_empty(&holder));
 }
 
 static void add(void)
