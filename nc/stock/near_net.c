@@ -14,11 +14,17 @@
 /* Layers that come this near to each other are one. */
 #define FILM_MM 1e-6
 
+/* The box along u and v that a part lies in. */
+typedef struct {
+    double low[2], high[2];
+} Reach;
+
 /* What the rays of an axis may meet, tile by tile. */
 typedef struct {
     const NcRoundedPart *parts;
     size_t n_parts;
     double r;
+    Reach *reach;  /* of each part */
     size_t *first; /* of each tile in `part`, ending with their number */
     uint32_t *part;
 } Bins;
@@ -122,29 +128,39 @@ static void fill_axis(NcStock *stock, int axis, const GArray *parts, double r, C
     }
     count->rays += rays;
     count->open += open;
+    g_free(bins.reach);
     g_free(bins.first);
     g_free(bins.part);
 }
 
 /* ------------------------------------------------------------------------------- bins */
 
-/* The tiles of rays that a part may meet, [low, high] along u and v. */
-static void tiles_of(const Bins *bins, const NcStock *stock, int axis, const NcRoundedPart *part,
-                     int32_t low[2], int32_t high[2])
+static Reach reach_of(const NcRoundedPart *part, int axis, double r)
 {
+    Reach reach;
     for (int k = 0; k < 2; k++) {
         const int d = (axis + 1 + k) % 3;
-        double from = INFINITY, to = -INFINITY;
+        const double slack = 1e-6, wide = part->n == 3 ? r * fabs(nc_along(part->normal, d)) : r;
+        reach.low[k] = INFINITY;
+        reach.high[k] = -INFINITY;
         for (int i = 0; i < part->n; i++) {
-            from = fmin(from, nc_along(part->p[i], d));
-            to = fmax(to, nc_along(part->p[i], d));
+            reach.low[k] = fmin(reach.low[k], nc_along(part->p[i], d) - wide - slack);
+            reach.high[k] = fmax(reach.high[k], nc_along(part->p[i], d) + wide + slack);
         }
+    }
+    return reach;
+}
+
+/* The tiles of rays that it may meet, [low, high] along u and v. */
+static void tiles_of(const Reach *reach, const NcStock *stock, int axis, int32_t low[2],
+                     int32_t high[2])
+{
+    for (int k = 0; k < 2; k++) {
+        const double node_mm = stock->node_mm[(axis + 1 + k) % 3];
         const double tile_mm = NC_TILE * stock->pitch_mm;
         const int32_t last = stock->field[axis].n_tiles[k] - 1;
-        low[k] = (int32_t)floor((from - bins->r - stock->node_mm[d]) / tile_mm - 1e-6);
-        high[k] = (int32_t)floor((to + bins->r - stock->node_mm[d]) / tile_mm + 1e-6);
-        low[k] = CLAMP(low[k], 0, last);
-        high[k] = CLAMP(high[k], 0, last);
+        low[k] = CLAMP((int32_t)floor((reach->low[k] - node_mm) / tile_mm), 0, last);
+        high[k] = CLAMP((int32_t)floor((reach->high[k] - node_mm) / tile_mm), 0, last);
     }
 }
 
@@ -157,10 +173,13 @@ static void bins_new(Bins *bins, const NcStock *stock, int axis, const GArray *p
                    .n_parts = parts->len,
                    .r = r,
                    .first = g_new0(size_t, n_tiles + 2)};
+    bins->reach = g_new(Reach, bins->n_parts);
+    for (size_t i = 0; i < bins->n_parts; i++)
+        bins->reach[i] = reach_of(&bins->parts[i], axis, r);
     for (int pass = 0; pass < 2; pass++) {
         for (size_t i = 0; i < bins->n_parts; i++) {
             int32_t low[2], high[2];
-            tiles_of(bins, stock, axis, &bins->parts[i], low, high);
+            tiles_of(&bins->reach[i], stock, axis, low, high);
             for (int32_t v = low[1]; v <= high[1]; v++)
                 for (int32_t u = low[0]; u <= high[0]; u++) {
                     size_t *at = &bins->first[(size_t)v * (size_t)field->n_tiles[0] + (size_t)u];
@@ -214,9 +233,13 @@ static void add_crossing(Line *line, double t, bool enters)
 
 static void meet(Line *line, const Bins *bins, size_t tile, int axis, SegVec3 origin)
 {
+    const double u = nc_along(origin, (axis + 1) % 3), v = nc_along(origin, (axis + 2) % 3);
     int total = 0;
     line->n_layers = line->n_crossings = 0;
     for (size_t i = bins->first[tile]; i < bins->first[tile + 1]; i++) {
+        const Reach *reach = &bins->reach[bins->part[i]];
+        if (u < reach->low[0] || u > reach->high[0] || v < reach->low[1] || v > reach->high[1])
+            continue;
         const NcRoundedPart *part = &bins->parts[bins->part[i]];
         NcSpan span = {.normal = {part->normal, part->normal}};
         double t;
