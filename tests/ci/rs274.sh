@@ -31,12 +31,27 @@ fetch() {
 
 export LD_LIBRARY_PATH=$judge/usr/lib:$judge/usr/lib/$(uname -m)-linux-gnu
 
-# PROGRAM OUTPUT: the canonical calls; fails where LinuxCNC refuses the program.
-ask() {
-    local variables
+# PROGRAM: seconds of the processor, its output thrown away.
+measure() {
+    local variables TIMEFORMAT='%U %S'
     variables=$(mktemp) || return
     cp tests/gcode/machine.var "$variables"
-    LD_PRELOAD=${EXACT+$judge/doubles.so} timeout 20 "$judge/usr/bin/rs274" -t tests/gcode/tools.tbl -v "$variables" -g "$1" 2>"$2.log" |
+    { time timeout 600 "$judge/usr/bin/rs274" -t tests/gcode/tools.tbl -v "$variables" -g "$1" \
+        >/dev/null 2>&1 || echo failed; } 2>&1 | awk '/failed/ { exit 1 } { print $1 + $2 }'
+    local status=${PIPESTATUS[1]}
+    rm -f "$variables" "$variables.bak"
+    return "$status"
+}
+
+# PROGRAM OUTPUT: the canonical calls; fails where LinuxCNC refuses the program. The tool table is
+# the one beside it, or ours.
+ask() {
+    local variables tools
+    tools=$(dirname "$1")/test.tbl
+    [ -e "$tools" ] || tools=tests/gcode/tools.tbl
+    variables=$(mktemp) || return
+    cp tests/gcode/machine.var "$variables"
+    LD_PRELOAD=${EXACT+$judge/doubles.so} timeout 20 "$judge/usr/bin/rs274" -t "$tools" -v "$variables" -g "$1" 2>"$2.log" |
         sed 's/^ *[0-9]* *//' >"$2"
     local status=${PIPESTATUS[0]}
     rm -f "$variables" "$variables.bak"

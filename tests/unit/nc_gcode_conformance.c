@@ -34,10 +34,41 @@ static CfgMachine new_machine(void)
 }
 
 /* True where the program is accepted. `expected` may be NULL. */
+/* LinuxCNC's tool table beside a program of its own tests, "T1 P1 Z0.5 D0.0625;text" in inches, as
+ * CfgTools; NULL where there is none. */
+static GArray *tools_beside(const char *program)
+{
+    g_autofree char *folder = g_path_get_dirname(program), *text = NULL;
+    g_autofree char *path = g_build_filename(folder, "test.tbl", NULL);
+    if (!g_file_get_contents(path, &text, NULL, NULL))
+        return NULL;
+    GArray *tools = g_array_new(FALSE, FALSE, sizeof(CfgTool));
+    g_auto(GStrv) lines = g_strsplit(text, "\n", -1);
+    for (char **line = lines; *line; line++) {
+        CfgTool tool = {.number = 0};
+        (*line)[strcspn(*line, ";")] = '\0';
+        g_auto(GStrv) words = g_strsplit(*line, " ", -1);
+        for (char **word = words; *word; word++) {
+            const double value = **word ? g_ascii_strtod(*word + 1, NULL) : 0.0;
+            const char letter = g_ascii_toupper(**word);
+            tool.number = letter == 'T' ? (int)value : tool.number;
+            tool.length_mm = letter == 'Z' ? value * 25.4 : tool.length_mm;
+            tool.diameter_mm = letter == 'D' ? value * 25.4 : tool.diameter_mm;
+        }
+        if (tool.number > 0)
+            g_array_append_val(tools, tool);
+    }
+    return tools;
+}
+
 static bool check_program(const char *path, const char *expected, double tolerance, GError **error)
 {
     const CfgMachine machine = new_machine();
-    g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(&machine, gcode_tools());
+    g_autoptr(GArray) beside = tools_beside(path);
+    const CfgToolTable table = {beside ? (CfgTool *)(void *)beside->data : NULL,
+                                beside ? beside->len : 0};
+    const CfgToolTable *tools = beside ? &table : gcode_tools();
+    g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(&machine, tools);
     g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
     g_autoptr(GPtrArray) texts = g_ptr_array_new_with_free_func(g_free);
     g_autofree char *program = NULL, *calls = NULL;
@@ -111,7 +142,7 @@ static int count_suffix(const char *folder, const char *suffix)
 }
 
 /* What LinuxCNC says to it: asked just now, or as its own tests expect, where that is of one
- * program and without a tool table, which would not be ours. NULL where nobody said anything. */
+ * program and without a tool table, whose machine is another. NULL where nobody said anything. */
 static char *answer_of(const Entry *entry, const char *path, double *tolerance)
 {
     const char *asked = g_getenv("SEGMILL_GCODE_CORPUS");
