@@ -9,7 +9,8 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static CfgTool tool_list[] = {{.number = 1, .length_mm = 50.0}, {.number = 2, .length_mm = 60.0}};
+static CfgTool tool_list[] = {{.number = 1, .length_mm = 50.0, .diameter_mm = 2.0},
+                              {.number = 2, .length_mm = 60.0}};
 static const CfgToolTable tools = {tool_list, G_N_ELEMENTS(tool_list)};
 
 static CfgMachine new_machine(void)
@@ -34,6 +35,15 @@ static void check_motion(const CfgMachine *machine, const GArray *moves)
     }
 }
 
+/* Each goes on where the last one ended, and is of no earlier line. */
+static void check_chain(const GArray *moves)
+{
+    for (guint i = 1; i < moves->len; i++) {
+        const NcMove *move = &g_array_index(moves, NcMove, i);
+        g_assert(seg_distance(move->from, move[-1].to) == 0.0 && move->line >= move[-1].line);
+    }
+}
+
 static void read_whole(const CfgMachine *machine, const char *text, size_t size)
 {
     g_autoptr(GError) error = NULL, gate_error = NULL;
@@ -46,6 +56,7 @@ static void read_whole(const CfgMachine *machine, const char *text, size_t size)
         return;
     }
     check_motion(machine, moves);
+    check_chain(moves);
     g_assert(program->n_gates > 0 && program->gates[program->n_gates - 1] == size);
     for (size_t i = 1; i < program->n_gates; i++)
         g_assert(program->gates[i] > program->gates[i - 1]);
