@@ -15,6 +15,7 @@
 
 #include "segcore/geom/vec.h"
 #include "segcore/surface.h"
+#include "segcore/tspline.h"
 
 typedef enum {
     SEG_ERROR_INPUT,    /* the file, or an entity in it, is not usable: exit status 3 */
@@ -59,7 +60,7 @@ typedef struct {
 
 /* A B-spline surface. In `reals` at `data`: n_u + degree_u + 1 knots in u; n_v + degree_v + 1 in v;
  * n_u · n_v poles of 3 coordinates, v running fastest; as many weights if rational. */
-typedef struct {
+typedef struct SegSurface {
     int64_t data;
     int32_t degree_u, degree_v;
     int32_t n_u, n_v; /* 0: the face has no surface (SEG_SURFACE_MESH) */
