@@ -15,12 +15,11 @@ bool nc_take(NcCursor *cursor, const char *text)
     return true;
 }
 
-static const double power_of_ten[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
-                                      1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
-                                      1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
+const double nc_power_of_ten[] = {1e0,  1e1,  1e2,  1e3,  1e4,  1e5,  1e6,  1e7,
+                                  1e8,  1e9,  1e10, 1e11, 1e12, 1e13, 1e14, 1e15,
+                                  1e16, 1e17, 1e18, 1e19, 1e20, 1e21, 1e22};
 
-/* With spaces inside, or many digits; behind the sign. */
-static bool read_rare_number(NcCursor *cursor, double *number)
+bool nc_read_rare_number(NcCursor *cursor, double *number)
 {
     char digits[NC_MAX_LINE_BYTES + 1];
     int n = 0, n_significant = 0, n_decimals = 0;
@@ -44,48 +43,10 @@ static bool read_rare_number(NcCursor *cursor, double *number)
     if (n == (int)point)
         return false;
     digits[n] = '\0';
-    *number = n_significant <= 15 && n_decimals <= 22 ? (double)mantissa / power_of_ten[n_decimals]
-                                                      : g_ascii_strtod(digits, NULL);
+    *number = n_significant <= 15 && n_decimals <= 22
+                  ? (double)mantissa / nc_power_of_ten[n_decimals]
+                  : g_ascii_strtod(digits, NULL);
     return true;
-}
-
-static bool goes_on(const char *at, const char *end)
-{
-    while (at < end && (*at == ' ' || *at == '\t'))
-        at++;
-    return at < end && (nc_is_digit(*at) || *at == '.');
-}
-
-/*
- * Up to 15 digits and 22 decimals the quotient of two exact doubles is the nearest double
- * (W. Clinger, "How to read floating point numbers accurately", PLDI 1990); longer ones go to
- * strtod.
- */
-bool nc_read_number(NcCursor *cursor, double *value)
-{
-    const char sign = nc_peek(cursor), *end = cursor->end;
-    cursor->at += sign == '+' || sign == '-';
-    const char *first = cursor->at, *at = first, *point = NULL;
-    uint64_t mantissa = 0;
-    for (; at < end && at - first <= 16; at++) {
-        const unsigned digit = (unsigned)(*at - '0');
-        if (digit <= 9)
-            mantissa = mantissa * 10 + digit;
-        else if (*at == '.' && !point)
-            point = at;
-        else
-            break;
-    }
-    double number = 0.0;
-    ptrdiff_t n = at - first - (point != NULL);
-    if (n > 0 && n <= 15 && (at == end || (*at > ' ' && *at != '.') || !goes_on(at, end))) {
-        number = (double)mantissa / power_of_ten[point ? at - point - 1 : 0];
-        cursor->at = at;
-    } else if (!read_rare_number(cursor, &number)) {
-        return false;
-    }
-    *value = sign == '-' ? -number : number;
-    return number <= NC_LARGEST_NUMBER;
 }
 
 NcWord nc_word_at(const NcCursor *cursor, const char *first)

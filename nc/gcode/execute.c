@@ -67,34 +67,36 @@ void nc_move_speeds(const NcExecution *x, NcMove *move)
     move->feed_mm_min = feed(x, move->spindle_rpm, modal->feed_mm);
 }
 
+/* Field by field: what is given at once is cleared first, and there are millions of moves. */
 NcMove *nc_append_move(NcExecution *x, NcMoveKind kind)
 {
     const NcModal *modal = &x->modal;
-    guint n = x->moves->len;
+    const guint n = x->moves->len;
     g_array_set_size(x->moves, n + 1);
     NcMove *made = &g_array_index(x->moves, NcMove, n);
-    *made = (NcMove){
-        .kind = kind,
-        .line = x->statement_line,
-        .block_line = modal->line == x->statement_line ? 0 : modal->line,
-        .begins_block = n == x->first_move,
-        .region = modal->region,
-        .tool = modal->tool,
-        .from = modal->position,
-        .to = modal->position,
-        .plane = modal->plane,
-        .tolerance_mm = modal->tolerance_mm,
-        .exact_stop = modal->exact_stop,
-        .coolant_mist = modal->mist,
-        .coolant_flood = modal->flood,
-        .work_offset = 54 + modal->wcs,
-        .feed_per_turn = modal->feed_mode == NC_FEED_A_TURN,
-        .feed_override_off = modal->feed_override_off,
-        .spindle_override_off = modal->spindle_override_off,
-        .adaptive_feed = modal->adaptive_feed,
-    };
-    for (int i = 0; i < 3; i++)
-        made->from_deg[i] = made->to_deg[i] = nc_axis_value(modal->position_deg, i);
+    made->kind = kind;
+    made->line = x->statement_line;
+    made->block_line = modal->line == x->statement_line ? 0 : modal->line;
+    made->region = modal->region;
+    made->tool = modal->tool;
+    made->work_offset = 54 + modal->wcs;
+    made->plane = modal->plane;
+    made->turn = 0;
+    made->from = made->to = modal->position;
+    made->from_deg[0] = made->to_deg[0] = modal->position_deg.x;
+    made->from_deg[1] = made->to_deg[1] = modal->position_deg.y;
+    made->from_deg[2] = made->to_deg[2] = modal->position_deg.z;
+    made->centre = (SegVec3){0.0, 0.0, 0.0};
+    made->tolerance_mm = modal->tolerance_mm;
+    made->begins_block = n == x->first_move;
+    made->exact_stop = modal->exact_stop;
+    made->coolant_mist = modal->mist;
+    made->coolant_flood = modal->flood;
+    made->machine_coordinates = false;
+    made->feed_per_turn = modal->feed_mode == NC_FEED_A_TURN;
+    made->feed_override_off = modal->feed_override_off;
+    made->spindle_override_off = modal->spindle_override_off;
+    made->adaptive_feed = modal->adaptive_feed;
     nc_move_speeds(x, made);
     return made;
 }

@@ -163,12 +163,14 @@ typedef struct {
     NcBlock *block;
     uint32_t statement_line; /* of the line that is carried out; within a subroutine the call's */
     bool block_delete;
+    bool is_kept; /* as the statement found them: */
+    NcModal kept;
+    NcCompensation *kept_compensation;
 } NcExecution;
 
 struct NcInterpreter {
     NcExecution x;
     NcFlow *flow;
-    NcCompensation *kept; /* as it was before the block */
 };
 
 /* Reads and carries out the block of line modal.line; its settings count from then on. */
@@ -207,17 +209,6 @@ void nc_select_work(NcExecution *execution, int wcs);
 /* Carries out the motion of the block, and G28, G30. */
 bool nc_travel(NcExecution *execution, GError **error);
 void nc_go_home(NcExecution *execution, int parameter);
-
-/* One straight move or arc of a G0 to G3: appends it, and the machine is at its end. */
-typedef struct {
-    NcMoveKind kind;
-    NcPlace to;
-    SegVec3 centre; /* arcs */
-    int turn;
-    bool machine_coordinates;
-} NcPath;
-
-bool nc_follow(NcExecution *execution, const NcPath *path, GError **error);
 
 /* Refuses what has no place between G41 and G40; and carries these out. */
 bool nc_check_compensated(const NcExecution *execution, GError **error);

@@ -176,8 +176,14 @@ static bool lex_word(NcCursor *cursor, NcBlock *block, GError **error)
         return nc_word_error(error, cursor->x->modal.line, &word,
                              "is one word too many for a block");
     }
+    const char *end = cursor->at;
+    while (end[-1] == ' ' || end[-1] == '\t')
+        end--;
     NcWord *word = &block->words[block->n_words++];
-    *word = nc_word_at(cursor, first);
+    word->letter = nc_upper(*first);
+    word->column = (int)(first - cursor->start) + 1;
+    word->length = (int)(end - first);
+    word->text = first;
     word->value = value;
     return true;
 }

@@ -61,6 +61,9 @@ bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError 
     if (move->kind == NC_MOVE_ARC)
         nc_move_bounds(move, &min, &max);
     const CfgAxis *axis = machine->axis;
+    if (min.x >= axis[0].min_mm && min.y >= axis[1].min_mm && min.z >= axis[2].min_mm &&
+        max.x <= axis[0].max_mm && max.y <= axis[1].max_mm && max.z <= axis[2].max_mm)
+        return check_rotary(machine, move, error);
     return check_axis(move, 'X', min.x, max.x, axis[0].min_mm, axis[0].max_mm, "mm", error) &&
            check_axis(move, 'Y', min.y, max.y, axis[1].min_mm, axis[1].max_mm, "mm", error) &&
            check_axis(move, 'Z', min.z, max.z, axis[2].min_mm, axis[2].max_mm, "mm", error) &&

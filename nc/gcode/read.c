@@ -6,10 +6,20 @@
 
 #include <string.h>
 
+/* What a block that only moves may have changed when it fails. */
+typedef struct {
+    uint32_t line;
+    int motion;
+    double feed_mm, feed_deg;
+} MotionState;
+
 static bool read_block(NcInterpreter *interpreter, const char *text, size_t length, NcBlock *block,
                        GArray *moves, GError **error);
 static bool run_line(NcInterpreter *interpreter, NcExecution *x, const char *text, size_t length,
                      GError **error);
+static void keep(NcExecution *x);
+static void put_back(NcExecution *x, MotionState before);
+static bool carry_out(NcExecution *x, GError **error);
 static bool read_percent(NcExecution *execution, GError **error);
 static bool after_end(const NcExecution *execution, GError **error);
 
@@ -38,7 +48,7 @@ NcInterpreter *nc_interpreter_new(const CfgMachine *machine, const CfgToolTable 
     NcInterpreter *interpreter = g_new0(NcInterpreter, 1);
     NcExecution *x = &interpreter->x;
     interpreter->flow = nc_flow_new();
-    interpreter->kept = g_new0(NcCompensation, 1);
+    x->kept_compensation = g_new0(NcCompensation, 1);
     x->compensation = g_new0(NcCompensation, 1);
     x->machine = machine;
     x->tools = tools;
@@ -65,7 +75,7 @@ void nc_interpreter_free(NcInterpreter *interpreter)
         nc_parameters_free(interpreter->x.parameters);
         nc_messages_free(interpreter->x.messages);
         nc_flow_free(interpreter->flow);
-        g_free(interpreter->kept);
+        g_free(interpreter->x.kept_compensation);
         g_free(interpreter->x.compensation);
         g_free(interpreter);
     }
@@ -99,20 +109,59 @@ static bool read_block(NcInterpreter *interpreter, const char *text, size_t leng
                        GArray *moves, GError **error)
 {
     NcExecution *x = &interpreter->x;
-    const NcModal before = x->modal;
+    const MotionState before = {x->modal.line, x->modal.motion, x->modal.feed_mm,
+                                x->modal.feed_deg};
     const guint n_before = moves->len;
-    nc_compensation_copy(interpreter->kept, x->compensation);
     x->moves = moves;
     x->block = block;
+    x->is_kept = false;
     x->statement_line = ++x->modal.line;
     if (!run_line(interpreter, x, text, length, error)) {
         g_array_set_size(moves, n_before);
-        x->modal = before;
-        nc_compensation_copy(x->compensation, interpreter->kept);
+        put_back(x, before);
         return false;
     }
     x->modal.line = x->statement_line;
     return true;
+}
+
+/* What the statement finds, but for its line. */
+static void keep(NcExecution *x)
+{
+    x->is_kept = true;
+    x->kept = x->modal;
+    nc_compensation_copy(x->kept_compensation, x->compensation);
+}
+
+static void put_back(NcExecution *x, MotionState before)
+{
+    if (x->is_kept) {
+        x->modal = x->kept;
+        nc_compensation_copy(x->compensation, x->kept_compensation);
+    }
+    x->modal.line = before.line;
+    x->modal.motion = before.motion;
+    x->modal.feed_mm = before.feed_mm;
+    x->modal.feed_deg = before.feed_deg;
+}
+
+/* Most blocks say where to move by G0 to G3, and how fast: nothing else of the state is touched
+ * before they succeed. */
+static bool only_moves(const NcExecution *x)
+{
+    const NcBlock *block = x->block;
+    return block->motion <= 30 && !block->by.some_g && !block->by.some_m && !block->message &&
+           block->region < 0 && !(block->by.letters & (NC_LETTER('S') | NC_LETTER('T'))) &&
+           x->modal.cycle.code == 0 && !nc_compensation_busy(x->compensation);
+}
+
+static bool carry_out(NcExecution *x, GError **error)
+{
+    if (!nc_check(x->block, &x->modal, error))
+        return false;
+    if (!x->is_kept && !only_moves(x))
+        keep(x);
+    return nc_execute(x, error) && nc_compensate(x, error);
 }
 
 /* A block, or a line that belongs to O words. */
@@ -123,6 +172,7 @@ static bool run_line(NcInterpreter *interpreter, NcExecution *x, const char *tex
         return nc_run_block(x, text, length, error);
     if (x->modal.ended)
         return after_end(x, error);
+    keep(x);
     x->modal.begun = true;
     bool good = nc_flow_read(interpreter->flow, x, text, length, error);
     x->block->structure = true;
@@ -140,10 +190,7 @@ bool nc_run_block(NcExecution *x, const char *text, size_t length, GError **erro
     if (modal->ended && !empty)
         return after_end(x, error);
     bool skipped = block->deleted && x->block_delete;
-    bool good = block->percent ? read_percent(x, error)
-                : skipped      ? true
-                               : nc_check(x->block, modal, error) && nc_execute(x, error);
-    if (!good || !nc_compensate(x, error))
+    if (!(block->percent ? read_percent(x, error) : skipped || carry_out(x, error)))
         return false;
     for (int i = 0; !skipped && i < block->n_settings; i++)
         nc_parameter_set(x->parameters, block->settings[i].parameter, block->settings[i].value);
@@ -168,9 +215,11 @@ static bool read_percent(NcExecution *x, GError **error)
         return nc_word_error(error, modal->line, NULL,
                              "%% ends a program that did not begin with %%");
     }
+    if (!x->is_kept)
+        keep(x);
     nc_append_move(x, NC_MOVE_END);
     modal->ended = true;
-    return true;
+    return nc_compensate(x, error);
 }
 
 bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length, GArray *moves,

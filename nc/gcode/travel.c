@@ -8,9 +8,10 @@
 
 static bool check_rotary(const NcExecution *x, GError **error);
 static bool check_feed(const NcExecution *x, GError **error);
-static bool follow_arc(NcExecution *x, NcPlace to, GError **error);
-static bool probe(NcExecution *x, NcPlace to, GError **error);
-static NcPlace target(const NcExecution *x, bool machine_coordinates);
+static void straight(NcExecution *x, NcMoveKind kind, bool machine_coordinates);
+static bool arc(NcExecution *x, const NcPlace *to, GError **error);
+static bool probe(NcExecution *x, const NcPlace *to, GError **error);
+static void find_target(const NcExecution *x, bool machine_coordinates, NcPlace *to);
 
 bool nc_travel(NcExecution *x, GError **error)
 {
@@ -25,17 +26,15 @@ bool nc_travel(NcExecution *x, GError **error)
         nc_set_parameters_place(x, home, (NcPlace){x->modal.position, x->modal.position_deg});
     if (motion < 0 || (motion > 0 && !check_feed(x, error)))
         return motion < 0;
-    const bool machine_coordinates = code == 530;
-    const NcPlace to = target(x, machine_coordinates);
-    if (motion == 20 || motion == 30)
-        return follow_arc(x, to, error);
+    if (motion <= 10) {
+        straight(x, motion == 0 ? NC_MOVE_RAPID : NC_MOVE_FEED, code == 530);
+        return true;
+    }
+    NcPlace to;
+    find_target(x, false, &to);
     if (nc_is_cycle(motion))
         return nc_run_cycle(x, to.mm, error);
-    if (nc_is_probe(motion))
-        return probe(x, to, error);
-    const NcMoveKind kind = motion == 0 ? NC_MOVE_RAPID : NC_MOVE_FEED;
-    const NcPath path = {.kind = kind, .to = to, .machine_coordinates = machine_coordinates};
-    return nc_follow(x, &path, error);
+    return nc_is_probe(motion) ? probe(x, &to, error) : arc(x, &to, error);
 }
 
 /* ------------------------------------------------------------------------ places */
@@ -65,25 +64,24 @@ static double along(const NcBlock *block, char letter, double unit, double here,
     return word ? word->value * unit + base : here;
 }
 
-static NcPlace target(const NcExecution *x, bool machine_coordinates)
+static void find_target(const NcExecution *x, bool machine_coordinates, NcPlace *to)
 {
     const NcModal *modal = &x->modal;
     const NcBlock *block = x->block;
     const bool incremental = modal->incremental && !machine_coordinates;
     const double unit = modal->unit_mm;
-    const SegVec3 at = modal->position, turned = modal->position_deg;
-    const SegVec3 none = {0.0, 0.0, 0.0};
-    const SegVec3 base = incremental ? at : machine_coordinates ? none : nc_program_shift(x);
-    NcPlace to = {{along(block, 'X', unit, at.x, base.x), along(block, 'Y', unit, at.y, base.y),
-                   along(block, 'Z', unit, at.z, base.z)},
-                  turned};
+    const SegVec3 *at = &modal->position, none = {0.0, 0.0, 0.0};
+    const SegVec3 base = incremental ? *at : machine_coordinates ? none : nc_program_shift(x);
+    to->mm.x = along(block, 'X', unit, at->x, base.x);
+    to->mm.y = along(block, 'Y', unit, at->y, base.y);
+    to->mm.z = along(block, 'Z', unit, at->z, base.z);
+    to->deg = modal->position_deg;
     if (block->by.letters & NC_ROTARY_AXES) {
-        const SegVec3 zero = incremental ? turned : machine_coordinates ? none : rotary_shift(x);
-        to.deg = (SegVec3){along(block, 'A', 1.0, turned.x, zero.x),
-                           along(block, 'B', 1.0, turned.y, zero.y),
-                           along(block, 'C', 1.0, turned.z, zero.z)};
+        const SegVec3 zero = incremental ? to->deg : machine_coordinates ? none : rotary_shift(x);
+        to->deg.x = along(block, 'A', 1.0, to->deg.x, zero.x);
+        to->deg.y = along(block, 'B', 1.0, to->deg.y, zero.y);
+        to->deg.z = along(block, 'C', 1.0, to->deg.z, zero.z);
     }
-    return to;
 }
 
 /* ------------------------------------------------------------------------- checks */
@@ -126,12 +124,21 @@ static bool check_feed(const NcExecution *x, GError **error)
 
 /* -------------------------------------------------------------------------- paths */
 
-/* Of a move that begins where the machine is. */
-static void set_end(NcMove *move, NcPlace to)
+/* And so the machine. */
+static void end_at(NcExecution *x, NcMove *move, const NcPlace *to)
 {
-    move->to = to.mm;
-    for (int i = 0; i < 3; i++)
-        move->to_deg[i] = nc_axis_value(to.deg, i);
+    move->to = x->modal.position = to->mm;
+    x->modal.position_deg = to->deg;
+    move->to_deg[0] = to->deg.x;
+    move->to_deg[1] = to->deg.y;
+    move->to_deg[2] = to->deg.z;
+}
+
+static NcMove *go_to(NcExecution *x, NcMoveKind kind, const NcPlace *to)
+{
+    NcMove *made = nc_append_move(x, kind);
+    end_at(x, made, to);
+    return made;
 }
 
 static bool moves_mm(const NcMove *move)
@@ -161,46 +168,39 @@ static void set_feed(const NcExecution *x, NcMove *move)
     }
 }
 
-bool nc_follow(NcExecution *x, const NcPath *path, GError **error)
+/* What depends on where the move leads. */
+static void set_speeds(const NcExecution *x, NcMove *move)
 {
-    (void)error;
-    NcModal *modal = &x->modal;
-    NcMove *made = nc_append_move(x, path->kind);
-    set_end(made, path->to);
-    made->machine_coordinates = path->machine_coordinates;
-    if (path->kind == NC_MOVE_ARC) {
-        made->centre = path->centre;
-        made->turn = path->turn;
-    }
-    if (modal->surface_mm_min > 0.0)
-        nc_move_speeds(x, made);
-    if (path->kind != NC_MOVE_RAPID &&
-        (modal->feed_mode == NC_FEED_INVERSE || (x->block->by.letters & NC_ROTARY_AXES)))
-        set_feed(x, made);
-    modal->position = path->to.mm;
-    modal->position_deg = path->to.deg;
-    return true;
+    if (x->modal.surface_mm_min > 0.0)
+        nc_move_speeds(x, move);
+    if (move->kind != NC_MOVE_RAPID &&
+        (x->modal.feed_mode == NC_FEED_INVERSE || (x->block->by.letters & NC_ROTARY_AXES)))
+        set_feed(x, move);
 }
 
-static bool follow_arc(NcExecution *x, NcPlace to, GError **error)
+static void straight(NcExecution *x, NcMoveKind kind, bool machine_coordinates)
+{
+    NcPlace to;
+    find_target(x, machine_coordinates, &to);
+    NcMove *made = go_to(x, kind, &to);
+    made->machine_coordinates = machine_coordinates;
+    set_speeds(x, made);
+}
+
+static bool arc(NcExecution *x, const NcPlace *to, GError **error)
 {
     const NcBlock *block = x->block;
     const NcWord *p = nc_word(block, 'P');
     const int turns = p ? (int)p->value : 1;
-    NcPath path = {.kind = NC_MOVE_ARC, .to = to, .turn = block->motion == 30 ? turns : -turns};
-    return nc_arc_centre(block, &x->modal, x->modal.position, to.mm, nc_program_shift(x),
-                         &path.centre, error) &&
-           nc_follow(x, &path, error);
-}
-
-/* Beside the compensation of the cutter, which reference points and probing do not know. */
-static NcMove *go_to(NcExecution *x, NcMoveKind kind, NcPlace to)
-{
-    NcMove *made = nc_append_move(x, kind);
-    set_end(made, to);
-    x->modal.position = to.mm;
-    x->modal.position_deg = to.deg;
-    return made;
+    SegVec3 centre;
+    if (!nc_arc_centre(block, &x->modal, x->modal.position, to->mm, nc_program_shift(x), &centre,
+                       error))
+        return false;
+    NcMove *made = go_to(x, NC_MOVE_ARC, to);
+    made->centre = centre;
+    made->turn = block->motion == 30 ? turns : -turns;
+    set_speeds(x, made);
+    return true;
 }
 
 /* G28 and G30: by way of the point named, then home with the axes named; with all where none is.
@@ -208,14 +208,15 @@ static NcMove *go_to(NcExecution *x, NcMoveKind kind, NcPlace to)
 void nc_go_home(NcExecution *x, int parameter)
 {
     const bool some = x->block->by.letters & NC_AXES;
-    NcPlace place = nc_parameters_place(x, parameter), home = target(x, false);
-    go_to(x, NC_MOVE_RAPID, home)->machine_coordinates = !some;
+    NcPlace place = nc_parameters_place(x, parameter), home;
+    find_target(x, false, &home);
+    go_to(x, NC_MOVE_RAPID, &home)->machine_coordinates = !some;
     for (int axis = 0; axis < 6; axis++) {
         const bool there = axis < 3 || x->machine->rotary[axis - 3].present;
         if (there && (!some || nc_word(x->block, nc_axis_letter(axis))))
             *nc_place_axis(&home, axis) = *nc_place_axis(&place, axis);
     }
-    go_to(x, NC_MOVE_RAPID, home)->machine_coordinates = true;
+    go_to(x, NC_MOVE_RAPID, &home)->machine_coordinates = true;
 }
 
 /* ------------------------------------------------------------------------- probing */
@@ -233,29 +234,28 @@ static void set_probed(NcExecution *x, bool touched)
 }
 
 /* G38.2 and G38.4 have to find what they look for; G38.4 and G38.5 go away from it. */
-static bool probe(NcExecution *x, NcPlace to, GError **error)
+static bool probe(NcExecution *x, const NcPlace *to, GError **error)
 {
     const int code = x->block->motion;
     const bool must = code == 382 || code == 384, away = code >= 384;
     const NcPlace from = {x->modal.position, x->modal.position_deg};
-    NcMove *made = go_to(x, NC_MOVE_PROBE, to);
-    if (must && seg_distance(from.mm, to.mm) == 0.0 && seg_distance(from.deg, to.deg) == 0.0)
-        return nc_word_error(error, x->modal.line, nc_motion_word(x->block),
+    const double length = seg_distance(from.mm, to->mm);
+    const NcWord *word = nc_motion_word(x->block);
+    if (must && length == 0.0 && seg_distance(from.deg, to->deg) == 0.0)
+        return nc_word_error(error, x->modal.line, word,
                              "begins where it ends: there is nothing to probe");
-    set_feed(x, made);
-    SegVec3 where = to.mm;
+    NcMove *made = go_to(x, NC_MOVE_PROBE, to);
+    set_speeds(x, made);
+    SegVec3 where = to->mm;
     const bool touched = x->probe && x->probe(made, away, &where, x->probe_data);
     if (x->probe && must && !touched)
-        return nc_word_error(error, x->modal.line, nc_motion_word(x->block), "%s",
+        return nc_word_error(error, x->modal.line, word, "%s",
                              away ? "came to its end and is still in touch with the work"
                                   : "came to its end and touched nothing");
-    if (touched && seg_distance(from.mm, to.mm) > 0.0) {
-        const double part = seg_distance(from.mm, where) / seg_distance(from.mm, to.mm);
-        to = (NcPlace){where, seg_along(from.deg, seg_sub(to.deg, from.deg), part)};
+    if (touched && length > 0.0) {
+        const double part = seg_distance(from.mm, where) / length;
+        end_at(x, made, &(NcPlace){where, seg_lerp(from.deg, to->deg, part)});
     }
-    set_end(made, to);
-    x->modal.position = to.mm;
-    x->modal.position_deg = to.deg;
     set_probed(x, touched);
     return true;
 }

@@ -1,8 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-/* Writing, reading and timing a program of a million short moves. */
+/* Writing, reading and timing a program of a million short moves; reading beside LinuxCNC's
+ * stand-alone interpreter, where Debian's package can be had. */
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 #include <time.h>
+
+#include <glib/gstdio.h>
 
 #include "tests/lib/gcode.h"
 
@@ -37,6 +41,59 @@ static void report(const char *what, double figure, const char *unit, const char
     printf("%-28s %8.2f %s%s\n", what, figure, unit, wanted);
 }
 
+/* Block by block, as a machine does, which keeps no more than it has to; limits included. */
+static guint read_lines(const char *text, gsize length, const CfgMachine *machine)
+{
+    g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(machine, gcode_tools());
+    g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
+    guint n = 0;
+    for (const char *at = text, *end = text + length; at < end; n++) {
+        const char *newline = memchr(at, '\n', (size_t)(end - at)),
+                   *next = newline ? newline + 1 : end;
+        if (!nc_interpreter_block(interpreter, at, (size_t)(next - at), moves, NULL))
+            return 0;
+        for (guint i = 0; i < moves->len; i++)
+            if (!nc_move_check_limits(machine, &g_array_index(moves, NcMove, i), NULL))
+                return 0;
+        g_array_set_size(moves, 0);
+        at = next;
+    }
+    return n;
+}
+
+/* Seconds of LinuxCNC's rs274, which prints its calls to nowhere; 0: not to be had. */
+static double judge_s(const char *text, gsize length)
+{
+    g_autofree char *path = g_build_filename(g_get_tmp_dir(), "segmill-bench.ngc", NULL);
+    g_autofree char *command = g_strdup_printf("bash tests/ci/rs274.sh --time %s", path);
+    g_autofree char *answer = NULL;
+    double seconds = 0.0;
+    if (g_file_set_contents(path, text, (gssize)length, NULL) &&
+        g_spawn_command_line_sync(command, &answer, NULL, NULL, NULL))
+        seconds = g_ascii_strtod(answer, NULL);
+    g_unlink(path);
+    return seconds;
+}
+
+static void compare(const char *text, gsize length, const CfgMachine *machine)
+{
+    double ours_s = INFINITY;
+    guint n = 0;
+    for (int run = 0; run < RUNS; run++) {
+        const double start = processor_s();
+        n = read_lines(text, length, machine);
+        ours_s = fmin(ours_s, processor_s() - start);
+    }
+    report("reading, keeping nothing", n / ours_s * 1e-6, "million lines/s", "");
+    const double theirs_s = judge_s(text, length);
+    if (theirs_s > 0.0) {
+        report("LinuxCNC's rs274", n / theirs_s * 1e-6, "million lines/s", "");
+        report("reading against rs274", theirs_s / ours_s, "times", "  (goal 20, must 4)");
+    } else {
+        printf("LinuxCNC's rs274 cannot be had here\n");
+    }
+}
+
 int main(void)
 {
     CfgMachine machine = gcode_machine();
@@ -69,11 +126,13 @@ int main(void)
         g_free(nc_motion_plan(&machine, (const NcMove *)(const void *)moves->data, n));
         plan_s = fmin(plan_s, processor_s() - start);
     }
+    g_autoptr(NcProgram) program = nc_program_write(&plan, &recipe, &machine, NULL, NULL);
     g_array_unref(operation.path.locations);
     printf("program of %u moves, %.1f MB, SHA-256 included in the writing\n", n,
            (double)length * 1e-6);
     report("writing G-code", (double)length * 1e-6 / write_s, "MB/s", "  (goal 100, must 10)");
-    report("reading G-code", n / read_s * 1e-6, "million blocks/s", "");
+    report("reading, keeping the moves", n / read_s * 1e-6, "million blocks/s", "");
     report("planning motion", n / plan_s * 1e-6, "million moves/s", "");
+    compare(g_bytes_get_data(program->bytes, NULL), length, &machine);
     return 0;
 }

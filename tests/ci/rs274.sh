@@ -2,8 +2,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # LinuxCNC's own stand-alone interpreter, from Debian's package unpacked beside the build, reads the
 # programs of tests/gcode, those that the writer's test writes, and the outside data; what it says must
-# agree with our interpreter to 1e-6, or be listed in tests/gcode/corpus.txt. Skips where the package cannot be had. Its output for tests/gcode is what is kept in
-# the tree: tests/ci/rs274.sh --update writes it anew.
+# agree with our interpreter to 1e-6, or be listed in tests/gcode/corpus.txt. Skips where the package
+# cannot be had. Its output for tests/gcode is what is kept in the tree: tests/ci/rs274.sh --update
+# writes it anew. tests/ci/rs274.sh --time PROGRAM says how many seconds of the processor it needs.
 set -u
 build=$(realpath -m "${BUILD:-build}")
 judge=$build/judges/linuxcnc
@@ -67,6 +68,11 @@ command -v apt-get >/dev/null || skip "no apt-get to fetch LinuxCNC's interprete
 fetch || skip "Debian's linuxcnc-uspace cannot be downloaded"
 ldd "$judge/usr/bin/rs274" | grep -q 'not found' && skip "rs274 lacks a library of this system"
 
+if [ "${1-}" = --time ]; then
+    measure "$2"
+    exit
+fi
+
 if [ "${1-}" = --update ]; then
     for program in tests/gcode/*.ngc; do
         ask "$program" "${program%.ngc}.expected" || exit 1
@@ -84,7 +90,7 @@ cp tests/gcode/*.ngc "$folder"
 SEGMILL_GCODE_OUT=$folder "$build/tests/nc_gcode_write" >"$folder/log" 2>&1
 
 programs=("$folder"/*.ngc)
-echo "1..$((${#programs[@]} + 3))"
+echo "1..$((${#programs[@]} + 4))"
 n=0
 result() { # GOOD DESCRIPTION
     n=$((n + 1))
@@ -101,6 +107,14 @@ result $? "the writer's programs are among them"
 SEGMILL_GCODE=$folder "$build/tests/nc_gcode_conformance" -p /nc/gcode/conformance/own \
     >"$folder/log" 2>&1
 result $? "and understands them as we do"
+grep '^#' "$folder/log" | head -n 60
+
+# Half of what it must be: others may be at work here.
+awk 'BEGIN { print "G21 G90 G94 F1000"; for (i = 0; i < 200000; i++)
+    printf "G1 X%.3f Y%.3f\n", i % 1000 / 10, i / 1000; print "M2" }' >"$folder/long.ngc"
+SEGMILL_GCODE_LONG=$folder/long.ngc SEGMILL_GCODE_SECONDS=$(measure "$folder/long.ngc") \
+    "$build/tests/nc_gcode_conformance" -p /nc/gcode/conformance/speed >"$folder/log" 2>&1
+result $? "and in at most half the time"
 grep '^#' "$folder/log" | head -n 60
 
 # The corpus: what LinuxCNC refuses has no answer.

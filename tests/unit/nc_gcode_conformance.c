@@ -15,6 +15,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 /* How far numbers may be apart: every digit was printed, or four decimals of an inch or a
  * millimetre, with an offset added and a centre relative to it. */
@@ -33,7 +34,6 @@ static CfgMachine new_machine(void)
     return machine;
 }
 
-/* True where the program is accepted. `expected` may be NULL. */
 /* LinuxCNC's tool table beside a program of its own tests, "T1 P1 Z0.5 D0.0625;text" in inches, as
  * CfgTools; NULL where there is none. */
 static GArray *tools_beside(const char *program)
@@ -61,6 +61,7 @@ static GArray *tools_beside(const char *program)
     return tools;
 }
 
+/* True where the program is accepted. `expected` may be NULL. */
 static bool check_program(const char *path, const char *expected, double tolerance, GError **error)
 {
     const CfgMachine machine = new_machine();
@@ -221,10 +222,33 @@ static void corpus(void)
     g_assert_cmpint(n, ==, count_programs());
 }
 
+/* ------------------------------------------------------------------------- speed */
+
+/* Reading a program (SEGMILL_GCODE_LONG) takes at most half of what LinuxCNC's interpreter has
+ * taken (SEGMILL_GCODE_SECONDS, of the processor); tests/bench/gcode.c has the figure. */
+static void speed(void)
+{
+    const char *path = g_getenv("SEGMILL_GCODE_LONG"), *seconds = g_getenv("SEGMILL_GCODE_SECONDS");
+    const CfgMachine machine = new_machine();
+    g_autofree char *program = NULL;
+    gsize length;
+    if (!path || !seconds || !g_file_get_contents(path, &program, &length, NULL)) {
+        g_test_skip("nothing to compare with: tests/ci/rs274.sh asks LinuxCNC");
+        return;
+    }
+    const clock_t start = clock();
+    g_autoptr(GArray) moves = nc_read_program(program, length, &machine, gcode_tools(), NULL);
+    const double ours_s = (double)(clock() - start) / CLOCKS_PER_SEC;
+    g_assert_nonnull(moves);
+    g_test_message("%.3f s, LinuxCNC %s s", ours_s, seconds);
+    g_assert_cmpfloat(2.0 * ours_s, <=, g_ascii_strtod(seconds, NULL));
+}
+
 static void add(void)
 {
     g_test_add_func("/nc/gcode/conformance/own", own_programs);
     g_test_add_func("/nc/gcode/conformance/corpus", corpus);
+    g_test_add_func("/nc/gcode/conformance/speed", speed);
 }
 
 int main(int argc, char **argv)
