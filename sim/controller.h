@@ -19,12 +19,13 @@
 #define SIM_CONTROLLER_H
 
 #include "fieldbus/fieldbus.h"
-#include "sim/program.h"
+#include "sim/course.h"
 
 typedef struct {
     const CfgMachine *machine; /* outlives the controller */
     double speed;              /* program seconds a second; INFINITY: as fast as stepped */
     size_t moves_per_step;     /* at most: bounds the time of one step */
+    SimCourse *course;         /* gets what is executed, and outlives it; NULL: nobody asks */
 } SimControllerOptions;
 
 typedef enum {

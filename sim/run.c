@@ -22,6 +22,7 @@ static void wait_for_spindle(SimController *c);
 static void prepare_gate_stop(SimController *c);
 static void wait_for(SimController *c, SimWait wait);
 static void stand(SimController *c, GArray *actions);
+static void note_broken(const SimController *c);
 static void end_run(SimController *c);
 static void complete(SimController *c, GArray *actions);
 static uint32_t next_line(const SimController *c);
@@ -96,6 +97,7 @@ static bool finish_move(SimController *c, GArray *actions)
 {
     const SimProgram *section = c->drive.program;
     const NcMove *move = &section->moves[c->drive.move - 1];
+    sim_course_add(c->options.course, c->drive.program, c->drive.move - 1, 1);
     c->tool = move->kind == NC_MOVE_TOOL_CHANGE ? move->tool : c->tool;
     if (c->approaching) {
         finish_block(c, SIM_WAY, move, actions);
@@ -447,11 +449,22 @@ static void complete(SimController *c, GArray *actions)
     sim_run_tell(c, FB_STATE_COMPLETE, FB_MACHINE_COMPLETE, actions);
 }
 
+/* The move that a run ended in. */
+static void note_broken(const SimController *c)
+{
+    const SimDrive *d = &c->drive;
+    const double length_mm =
+        d->program && d->move < d->program->n ? nc_move_length_mm(&d->program->moves[d->move]) : 0;
+    if (length_mm > 0 && d->done > 0)
+        sim_course_add(c->options.course, d->program, d->move, fmin(1, d->done / length_mm));
+}
+
 /* What drips was for one run. */
 static void end_run(SimController *c)
 {
     c->position_mm = sim_run_position_mm(c);
     c->stop_line = next_line(c);
+    note_broken(c);
     c->totals.machine_s += c->time_s;
     c->in_run = c->halted = c->approaching = c->gate_wanted = false;
     c->stop = SIM_NO_STOP;
