@@ -20,8 +20,18 @@ static CfgMachine new_machine(void)
                           .tool_change_s = 5.0,
                           .work_offset_mm = {{0.0, 0.0, 0.0}, {10.0, 20.0, -30.0}}};
     for (int axis = 0; axis < 3; axis++)
-        machine.axis[axis] = (CfgAxis){-1000.0, 1000.0, 6000.0, 500.0};
+        machine.axis[axis] = (CfgAxis){-1000.0, 1000.0, 6000.0, 500.0, 0.0};
+    machine.rotary[0] = machine.rotary[2] = (CfgRotary){true, -720.0, 720.0, 3600.0, 1000.0, 0.0};
     return machine;
+}
+
+/* Half way, or not at all: as the line says. */
+static bool touches(const NcMove *move, bool away, SegVec3 *where, void *data)
+{
+    (void)data;
+    *where = (SegVec3){0.5 * (move->from.x + move->to.x), 0.5 * (move->from.y + move->to.y),
+                       0.5 * (move->from.z + move->to.z)};
+    return (move->line % 2 == 0) != away;
 }
 
 static void check_motion(const CfgMachine *machine, const GArray *moves)
@@ -68,6 +78,8 @@ static void read_blocks(const CfgMachine *machine, const char *text, size_t size
 {
     g_autoptr(NcInterpreter) all = nc_interpreter_new(machine, &tools);
     g_autoptr(NcInterpreter) good = nc_interpreter_new(machine, &tools);
+    nc_interpreter_set_probe(all, touches, NULL);
+    nc_interpreter_set_probe(good, touches, NULL);
     g_autoptr(GArray) of_all = g_array_new(FALSE, FALSE, sizeof(NcMove));
     g_autoptr(GArray) of_good = g_array_new(FALSE, FALSE, sizeof(NcMove));
     for (const char *at = text, *end = text + size; at < end;) {
@@ -83,6 +95,10 @@ static void read_blocks(const CfgMachine *machine, const char *text, size_t size
         const NcMove *b = &g_array_index(of_good, NcMove, i);
         g_assert(a->kind == b->kind && seg_distance(a->to, b->to) == 0.0);
         g_assert(a->region == b->region && a->feed_mm_min == b->feed_mm_min);
+        g_assert(memcmp(a->to_deg, b->to_deg, sizeof a->to_deg) == 0);
+        g_assert(a->spindle_rpm == b->spindle_rpm && a->tool == b->tool);
+        if (a->kind == NC_MOVE_MESSAGE)
+            g_assert(g_str_equal(nc_interpreter_message(all, a), nc_interpreter_message(good, b)));
     }
 }
 
