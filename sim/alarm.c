@@ -17,6 +17,8 @@ static const Row table[] = {
      "Put the tool into the magazine, acknowledge at the machine, start anew."},
     {SIM_ALARM_SWITCH, "an axis has hit its limit switch",
      "Free the axis, acknowledge at the machine, start anew."},
+    {SIM_ALARM_COLLISION, "the tool or its holder met material",
+     "Look at the material, correct the block named, acknowledge at the machine."},
 };
 
 static const Row *row(SimAlarm alarm)

@@ -9,11 +9,12 @@
 /* Codes are stable: below 100 docs/protocol.md's, 1xx a program that the machine refuses at VERIFY,
  * 2xx the machine itself. */
 typedef enum {
-    SIM_ALARM_PROGRAM = 101, /* a block that the machine does not know or cannot execute */
-    SIM_ALARM_LIMIT = 102,   /* a limit of travel or spindle speed */
-    SIM_ALARM_ESTOP = 201,   /* the emergency stop is pressed */
-    SIM_ALARM_TOOL = 202,    /* a fault on purpose: the magazine does not have the tool */
-    SIM_ALARM_SWITCH = 203,  /* a fault on purpose: an axis has hit its limit switch */
+    SIM_ALARM_PROGRAM = 101,   /* a block that the machine does not know or cannot execute */
+    SIM_ALARM_LIMIT = 102,     /* a limit of travel or spindle speed */
+    SIM_ALARM_ESTOP = 201,     /* the emergency stop is pressed */
+    SIM_ALARM_TOOL = 202,      /* a fault on purpose: the magazine does not have the tool */
+    SIM_ALARM_SWITCH = 203,    /* a fault on purpose: an axis has hit its limit switch */
+    SIM_ALARM_COLLISION = 204, /* the run that ended met material as it must not */
 } SimAlarm;
 
 /* What it is, where nothing more is known, and what to do. */

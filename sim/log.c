@@ -10,12 +10,14 @@ struct SimLog {
     FILE *file;
     int error; /* errno of the first failure */
     GString *line;
+    GQueue held; /* GString, a hold each: what waits for its release */
 };
 
 static const char *kind_name(NcMoveKind kind);
 static void append_course(GString *line, const SimBlock *block);
 static void append_string(GString *line, const char *text);
 static void write_line(SimLog *log, bool flush);
+static void write_now(SimLog *log, const GString *text, bool flush);
 
 SimLog *sim_log_open(const char *path, GError **error)
 {
@@ -30,6 +32,7 @@ SimLog *sim_log_open(const char *path, GError **error)
     log->path = g_strdup(path);
     log->file = file;
     log->line = g_string_new(NULL);
+    g_queue_init(&log->held);
     return log;
 }
 
@@ -129,6 +132,41 @@ void sim_log_passes(SimLog *log, const uint8_t id[32], uint32_t n_passes)
     write_line(log, true);
 }
 
+void sim_log_hold(SimLog *log)
+{
+    g_queue_push_tail(&log->held, g_string_new(NULL));
+}
+
+void sim_log_release(SimLog *log)
+{
+    GString *held = g_queue_pop_head(&log->held);
+    write_now(log, held, true);
+    g_string_free(held, TRUE);
+}
+
+void sim_log_collision(SimLog *log, const NcCollision *collision)
+{
+    const double numbers[] = {collision->depth_mm, collision->position.x, collision->position.y,
+                              collision->position.z};
+    static const char *const before[] = {",\"depth_mm\":", ",\"position_mm\":[", ",", ","};
+    g_string_printf(log->line, "{\"collision\":\"%s\",\"line\":%u",
+                    nc_collision_name(collision->kind), collision->line);
+    for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++) {
+        g_string_append(log->line, before[i]);
+        cfg_number_append(log->line, numbers[i]);
+    }
+    g_string_append(log->line, "]}\n");
+    write_now(log, log->line, false);
+}
+
+void sim_log_material(SimLog *log, const char *text)
+{
+    g_string_assign(log->line, "{\"material\":");
+    append_string(log->line, text);
+    g_string_append(log->line, "}\n");
+    write_now(log, log->line, true);
+}
+
 /* From when to when, and where it ended. */
 static void append_course(GString *line, const SimBlock *block)
 {
@@ -197,7 +235,16 @@ static void append_string(GString *line, const char *text)
 static void write_line(SimLog *log, bool flush)
 {
     g_string_append_c(log->line, '\n');
-    if ((fwrite(log->line->str, 1, log->line->len, log->file) != log->line->len ||
+    GString *held = g_queue_peek_tail(&log->held);
+    if (held)
+        g_string_append_len(held, log->line->str, (gssize)log->line->len);
+    else
+        write_now(log, log->line, flush);
+}
+
+static void write_now(SimLog *log, const GString *text, bool flush)
+{
+    if ((fwrite(text->str, 1, text->len, log->file) != text->len ||
          (flush && fflush(log->file) != 0)) &&
         log->error == 0)
         log->error = errno;

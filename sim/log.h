@@ -32,4 +32,16 @@ void sim_log_fault(SimLog *log, const char *spec, double time_s);
 void sim_log_way(SimLog *log, const SimBlock *move);
 void sim_log_override(SimLog *log, NcOverride override, double time_s);
 
+/*
+ * What became of the material is known some time after a run. So that the log does not depend on
+ * when: `hold` keeps what is logged from now on back, and the `release` that belongs to it, the
+ * first to the first, lets it go. Between them, what a run is blamed for comes at once.
+ */
+void sim_log_hold(SimLog *log);
+void sim_log_release(SimLog *log);
+void sim_log_collision(SimLog *log, const NcCollision *collision);
+
+/* Why material was not removed, or the model not written. */
+void sim_log_material(SimLog *log, const char *text);
+
 #endif
