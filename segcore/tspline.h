@@ -99,4 +99,23 @@ SegTspline *seg_tspline_from_face(const SegPart *part, int32_t face, GError **er
 const struct SegSurface *seg_tspline_patch(const SegTspline *tspline, int32_t face,
                                            const double **reals);
 
+/* The line u = at for v in [from, to]; or v = at for u in [from, to]. */
+typedef struct {
+    bool of_u;
+    double at, from, to;
+} SegTline;
+
+/*
+ * Local refinement (Sederberg and others 2004; P1 §3.2): the same surface over a T-mesh in which
+ * the lines are edges wherever they run on the surface. A line splits every face it runs through,
+ * from edge to edge, and goes no further; within 1e-9 of the width of the grid a line of the T-mesh
+ * takes its place. Then the blending functions are split (P1 eq. 17-20) where they lack a knot that
+ * the T-mesh dictates, and the T-mesh grows where they have one that it does not, until both agree.
+ * The control points are the sums P'_j = Σ c_ij P_i (P1 eq. 16), so weights and the surface are
+ * kept to rounding. SEG_ERROR_ARGUMENT: a number that is not finite; SEG_ERROR_INPUT: the result
+ * has more lines than a T-spline can have.
+ */
+SegTspline *seg_tspline_refine(const SegTspline *tspline, const SegTline *lines, size_t n,
+                               GError **error);
+
 #endif
