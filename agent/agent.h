@@ -18,6 +18,7 @@ typedef enum {
     AGENT_ERROR_OUTPUT,      /* a result cannot be written */
     AGENT_ERROR_TARGET,      /* no machine of that name */
     AGENT_ERROR_CAUTION,     /* blocked by the pre-flight */
+    AGENT_ERROR_TOLERANCE,   /* verify: a limit does not hold, or something collides */
 } AgentError;
 
 #define AGENT_ERROR agent_error_quark()
@@ -49,6 +50,7 @@ typedef struct {
     char **set;                                       /* --set, NULL-terminated; NULL: none */
     char *to;                                         /* --to */
     char *machine;                                    /* --machine */
+    char *recipe;                                     /* --recipe */
     char *config;                                     /* --config */
     char *at;                                         /* --at */
     int feed_percent, rapid_percent, spindle_percent; /* -1: not given */
@@ -79,6 +81,7 @@ enum {
     AGENT_TAKES_NO_FOLLOW = 1 << 11,
     AGENT_TAKES_HOST = 1 << 12,
     AGENT_TAKES_DAYS = 1 << 13,
+    AGENT_TAKES_RECIPE = 1 << 14,
 };
 
 struct AgentCommand {
@@ -94,8 +97,8 @@ struct AgentCommand {
     bool (*run)(const AgentOptions *options, AgentJson *result, GError **error);
 };
 
-extern const AgentCommand agent_init, agent_segment, agent_plan, agent_estimate, agent_send,
-    agent_run, agent_restart, agent_panel, agent_status, agent_pki;
+extern const AgentCommand agent_init, agent_segment, agent_plan, agent_estimate, agent_verify,
+    agent_send, agent_run, agent_restart, agent_panel, agent_status, agent_pki;
 
 /* The commands that are one command to the machine. */
 typedef enum {

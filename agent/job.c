@@ -31,7 +31,8 @@ AgentJob *agent_job_for_recipe(const AgentOptions *options, GError **error)
     g_autoptr(AgentJob) job = g_new0(AgentJob, 1);
     job->files = g_ptr_array_new_with_free_func(g_free);
     g_auto(GStrv) set = overrides(options);
-    job->recipe = cfg_recipe_load(options->argument, set, error);
+    const char *file = options->recipe ? options->recipe : options->argument;
+    job->recipe = cfg_recipe_load(file, set, error);
     if (!job->recipe || !load_machine(job, error) || !load_part(job, error))
         return NULL;
     return g_steal_pointer(&job);

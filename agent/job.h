@@ -32,7 +32,7 @@ char *agent_job_tools_file(const AgentJob *job);
 /* For `segment`: the defaults, with the command line's overrides, and the part. */
 AgentJob *agent_job_for_part(const AgentOptions *options, GError **error);
 
-/* For `plan` and `run`: the recipe, machine, tools and the part. */
+/* For `plan`, `run` and `verify`: the recipe, machine, tools and the part. */
 AgentJob *agent_job_for_recipe(const AgentOptions *options, GError **error);
 
 bool agent_job_segment(AgentJob *job, GError **error);

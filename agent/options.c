@@ -27,6 +27,9 @@ static void entries_of(const AgentCommand *command, AgentOptions *o,
         {AGENT_TAKES_MACHINE,
          {"machine", 0, 0, G_OPTION_ARG_FILENAME, &o->machine, "The machine's description",
           "FILE"}},
+        {AGENT_TAKES_RECIPE,
+         {"recipe", 0, 0, G_OPTION_ARG_FILENAME, &o->recipe, "The recipe that says what is wanted",
+          "RECIPE"}},
         {AGENT_TAKES_START,
          {"start", 0, 0, G_OPTION_ARG_NONE, &o->start, "Start it too: the machine will move",
           NULL}},
@@ -121,6 +124,8 @@ static bool check(const AgentCommand *command, int argc, char **argv, const Agen
         return usage(command, error, "--to is missing");
     if (command->needs & AGENT_TAKES_MACHINE && !options->machine)
         return usage(command, error, "--machine is missing");
+    if (command->needs & AGENT_TAKES_RECIPE && !options->recipe)
+        return usage(command, error, "--recipe is missing");
     if (command->needs & AGENT_TAKES_AT && !options->at)
         return usage(command, error, "--at is missing");
     if (options->days != NOT_GIVEN && (options->days < 1 || options->days > 36500))
@@ -161,6 +166,7 @@ void agent_options_clear(AgentOptions *options)
     g_strfreev(options->set);
     g_free(options->to);
     g_free(options->machine);
+    g_free(options->recipe);
     g_free(options->config);
     g_free(options->at);
     g_strfreev(options->host);

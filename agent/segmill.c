@@ -13,6 +13,7 @@ static const AgentCommand *const commands[] = {
     &agent_segment,
     &agent_plan,
     &agent_estimate,
+    &agent_verify,
     &agent_send,
     &agent_run,
     &agent_controls[AGENT_HOLD],

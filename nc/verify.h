@@ -42,7 +42,7 @@ typedef struct {
     size_t n_spots, n_profiles;
     double survey_pitch_mm;  /* of the spots: one for each square of this side */
     double profile_pitch_mm; /* widest along a profile, across the passes; 0: there is none */
-    double stepover_mm;      /* narrowest that the profiles show; 0: they show none */
+    double stepover_mm;      /* median of those that profiles show; NAN: none, or the whole part */
     double pitch_share;      /* greatest of pitch / step-over, each of the same profile */
 } NcJudgement;
 

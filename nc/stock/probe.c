@@ -52,6 +52,7 @@ typedef struct {
     const Piece *lowest; /* over the point; NULL: none is */
     const Layer *lowest_layer;
     double lowest_mm;
+    double support_mm; /* of the layer being visited: the normal's least product with its body */
 } Line;
 
 static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTable *tools,
@@ -60,6 +61,7 @@ static bool add_move(Layer *layer, const NcMove *move, size_t index, SegVec3 zer
 static void sort_into_cells(Layer *layer);
 static void visit(const Layer *layer, Line *line,
                   void (*meet)(const Layer *, const Piece *, Line *));
+static double support(const NcBody *body, SegVec3 n);
 static void find_lowest(const Layer *layer, const Piece *piece, Line *line);
 static void meet_outward(const Layer *layer, const Piece *piece, Line *line);
 static void meet_inward(const Layer *layer, const Piece *piece, Line *line);
@@ -111,8 +113,10 @@ NcProbed nc_probing_measure(const NcProbing *probing, SegVec3 point, SegVec3 nor
     /* The move that lies lowest over the point is likely to be it, and rules most others out. */
     for (guint i = 0; i < layers->len; i++)
         visit(&g_array_index(layers, Layer, i), &line, find_lowest);
-    if (line.lowest)
+    if (line.lowest) {
+        line.support_mm = support(&line.lowest_layer->body, normal);
         meet_outward(line.lowest_layer, line.lowest, &line);
+    }
     for (guint i = 0; i < layers->len && !line.gone; i++) {
         line.reach = line.outward;
         visit(&g_array_index(layers, Layer, i), &line, meet_outward);
@@ -154,6 +158,29 @@ static bool comes_near(const Layer *layer, const Piece *piece, SegVec3 p, double
     return distance2 <= most * most;
 }
 
+/* No point of the sweep lies further inward along the line than this: its plane of support. */
+static double innermost(const Piece *piece, const Line *line)
+{
+    SegVec3 n = line->normal;
+    double a = seg_dot(n, seg_sub(piece->a, line->point));
+    double b = seg_dot(n, seg_sub(piece->b, line->point));
+    return (a < b ? a : b) + line->support_mm;
+}
+
+/* The least product of the unit vector n with a point of the body. */
+static double support(const NcBody *body, SegVec3 n)
+{
+    double level = sqrt(n.x * n.x + n.y * n.y), least = INFINITY;
+    const NcRoundedDisc *r = &body->rounded;
+    if (r->round > 0)
+        least = n.z * r->centre - level * r->disc - r->round;
+    for (int i = 0; i < body->n_frusta; i++) {
+        const NcFrustum *f = &body->frustum[i];
+        least = fmin(least, fmin(n.z * f->z0 - level * f->r0, n.z * f->z1 - level * f->r1));
+    }
+    return least;
+}
+
 static void find_lowest(const Layer *layer, const Piece *piece, Line *line)
 {
     double distance2 = level_distance2(piece, line->point), radius = layer->body.radius;
@@ -170,7 +197,8 @@ static void find_lowest(const Layer *layer, const Piece *piece, Line *line)
 static void meet_outward(const Layer *layer, const Piece *piece, Line *line)
 {
     double from, to;
-    if (line->gone || !comes_near(layer, piece, line->point, line->outward) ||
+    if (line->gone || innermost(piece, line) > line->outward ||
+        !comes_near(layer, piece, line->point, line->outward) ||
         !nc_swept_interval(&layer->body, piece->a, piece->b, line->point, line->normal, &from, &to,
                            NULL))
         return;
@@ -179,6 +207,7 @@ static void meet_outward(const Layer *layer, const Piece *piece, Line *line)
     if (from <= 0) {
         line->gone = true;
         line->reach = 0;
+        line->move = piece->move;
     } else if (from < line->outward || (from == line->outward && piece->move < line->move)) {
         line->outward = from;
         line->move = piece->move;
@@ -189,7 +218,8 @@ static void meet_outward(const Layer *layer, const Piece *piece, Line *line)
 static void meet_inward(const Layer *layer, const Piece *piece, Line *line)
 {
     double from, to;
-    if (!comes_near(layer, piece, line->point, FILM_MM - line->inward) ||
+    if (innermost(piece, line) > line->inward ||
+        !comes_near(layer, piece, line->point, FILM_MM - line->inward) ||
         !nc_swept_interval(&layer->body, piece->a, piece->b, line->point, line->normal, &from, &to,
                            NULL))
         return;
@@ -217,6 +247,7 @@ static void visit(const Layer *layer, Line *line,
     if (p.x + around < layer->x0 || p.x - around > layer->x0 + layer->cell * (double)layer->nx ||
         p.y + around < layer->y0 || p.y - around > layer->y0 + layer->cell * (double)layer->ny)
         return;
+    line->support_mm = support(&layer->body, line->normal);
     size_t i0 = cell_of(p.x - around, layer->x0, layer->cell, layer->nx);
     size_t i1 = cell_of(p.x + around, layer->x0, layer->cell, layer->nx);
     size_t j0 = cell_of(p.y - around, layer->y0, layer->cell, layer->ny);

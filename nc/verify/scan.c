@@ -29,7 +29,7 @@ static size_t take(const NcVerifier *verifier, const NcPlace *middle, SegVec3 ac
                    double half, Point *points);
 static double narrowest(const Point *points, size_t n, double expected);
 
-NcProfile nc_profile(const NcVerifier *verifier, const NcPlace *middle)
+NcProfile nc_profile(const NcVerifier *verifier, size_t region, const NcPlace *middle)
 {
     NcProfile profile = {.top_mm = -INFINITY, .bottom_mm = INFINITY};
     size_t move;
@@ -53,7 +53,8 @@ NcProfile nc_profile(const NcVerifier *verifier, const NcPlace *middle)
     for (size_t i = 0; i < n; i++) {
         if (!points[i].on_face)
             continue;
-        if (points[i].deviation > profile.top_mm) {
+        if (points[i].deviation > profile.top_mm &&
+            nc_verifier_reaches(verifier, region, &points[i].place)) {
             profile.top_mm = points[i].deviation;
             profile.top = points[i].place;
         }

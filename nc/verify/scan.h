@@ -20,9 +20,9 @@ typedef struct {
  * The deviations along a line over the surface, through `middle` and across the pass that cut it,
  * one and a half step-overs long where the face is. It begins with the step-over that the recipe's
  * scallop allows the tool on a plane; where passes turn out to lie closer it is taken again with a
- * twentieth of that.
+ * twentieth of that. `top` is the highest place that the region's tools reach, unless it has none.
  */
-NcProfile nc_profile(const NcVerifier *verifier, const NcPlace *middle);
+NcProfile nc_profile(const NcVerifier *verifier, size_t region, const NcPlace *middle);
 
 typedef enum { NC_CLIMB_EXCESS, NC_CLIMB_GOUGE } NcClimb;
 

@@ -13,6 +13,8 @@ typedef struct {
     NcPlanner planner;
     NcSurface *surface;
     NcProbing *probing;
+    NcStock *stock;             /* before the first cut, until collisions are looked for */
+    double pitch_mm;            /* of the stock */
     SegVec3 zero;               /* the work zero in machine coordinates of the gauge point */
     int32_t *zones;             /* of each triangle: the region's id, 0 where nobody asked for it */
     const CfgTool *(*tools)[2]; /* of each region of the segmentation */

@@ -3,19 +3,21 @@
 #include <stdlib.h>
 
 #include "nc/toolpath/reach.h"
+#include "nc/verify/material.h"
 #include "nc/verify/scan.h"
 
 /* The survey: one spot for each square of this side, unless that were more spots than this. */
 #define SURVEY_PITCH_MM 0.05
-#define SURVEY_MOST 500000
+#define SURVEY_MOST 300000
 #define SURVEY_LEAST 2000 /* of a region */
 
 /* Faces that nobody asked for are looked at for gouges, at so many times that pitch. */
 #define OTHER_PITCH 3
 
-/* Of a region: profiles at even distances through the survey, and the worst spots from which
- * profiles are taken and gouge and excess are climbed; those lie apart by this many pitches. */
-#define PROFILES 1500
+/* Of a region: profiles at even distances through the survey; the worst spots, through which
+ * profiles are taken too; and those of spots and profiles from which gouge and excess are climbed.
+ * Worst spots lie apart by this many pitches. */
+#define PROFILES 500
 #define WORST_SPOTS 48
 #define APART 4
 
@@ -39,7 +41,7 @@ static void survey(const NcVerifier *verifier, Zone *zone);
 static void look_closer(const NcVerifier *verifier, Zone *zone);
 static void sum_up(const NcVerifier *verifier, Zone *zone);
 static void sum_whole(NcVerdict *verdict);
-static bool collide(const NcVerifier *verifier, size_t n, NcVerdict *verdict, GError **error);
+static bool collide(NcVerifier *verifier, size_t n, NcVerdict *verdict, GError **error);
 static double cutting_s(const NcVerifier *verifier, size_t n);
 
 NcVerdict *nc_verify(const NcPlanInput *input, const NcMove *moves, size_t n, GError **error)
@@ -120,6 +122,9 @@ static bool verifier_init(NcVerifier *verifier, const NcPlanInput *input, const 
     if (ok)
         verifier->probing = nc_probing_new(moves, n, verifier->zero, input->tools, error);
     if (verifier->probing)
+        verifier->stock =
+            nc_material_new(input, &verifier->planner.setup, &verifier->pitch_mm, error);
+    if (verifier->stock)
         return true;
     verifier_clear(verifier);
     return false;
@@ -130,6 +135,7 @@ static void verifier_clear(NcVerifier *verifier)
     nc_planner_clear(&verifier->planner);
     nc_surface_free(verifier->surface);
     nc_probing_free(verifier->probing);
+    nc_stock_free(verifier->stock);
     g_free(verifier->zones);
     g_free(verifier->tools);
 }
@@ -158,8 +164,8 @@ static int32_t *zones_of(const NcPlanInput *input)
 double nc_verifier_measure(const NcVerifier *verifier, const NcPlace *place, size_t *move)
 {
     const CfgRecipe *recipe = verifier->input->recipe;
-    NcProbed probed =
-        nc_probing_measure(verifier->probing, place->point, place->normal, recipe->allowance_mm);
+    double stock_mm = nc_material_end_mm(verifier->stock, recipe, place->point, place->normal);
+    NcProbed probed = nc_probing_measure(verifier->probing, place->point, place->normal, stock_mm);
     if (move)
         *move = probed.move;
     return probed.deviation_mm - recipe->stock_to_leave_mm;
@@ -262,6 +268,12 @@ static int by_badness(const void *a, const void *b)
                                     : (p->index > q->index) - (p->index < q->index);
 }
 
+static int by_size(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
 /* The worst spots that lie apart; the result holds WORST_SPOTS at most. */
 static size_t find_worst(const Zone *zone, NcClimb towards, size_t worst[WORST_SPOTS])
 {
@@ -281,63 +293,88 @@ static size_t find_worst(const Zone *zone, NcClimb towards, size_t worst[WORST_S
     return n;
 }
 
+/* Climbs from the worst of the places; badness says how bad each is. */
 static void climb_worst(const NcVerifier *verifier, Zone *zone, NcClimb towards,
-                        const size_t *worst, size_t n)
+                        const NcPlace *places, Ranked *ranked, size_t n, double step_mm)
 {
     NcWorst found[WORST_SPOTS];
+    qsort(ranked, n, sizeof *ranked, by_badness);
+    size_t most = MIN(n, WORST_SPOTS);
 #pragma omp parallel for schedule(dynamic, 1)
-    for (size_t i = 0; i < n; i++)
-        found[i] =
-            nc_climb(verifier, zone->region, &zone->places[worst[i]], towards, zone->pitch_mm);
+    for (size_t i = 0; i < most; i++)
+        found[i] = nc_climb(verifier, zone->region, &places[ranked[i].index], towards, step_mm);
     NcJudgement *judgement = &zone->judgement;
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; i < most; i++)
         nc_worst_take(towards == NC_CLIMB_GOUGE ? &judgement->gouge_max : &judgement->excess_max,
                       found[i]);
 }
 
-/* What profiles show of the step-over, and from their ends the climbs. */
+static void climb_spots(const NcVerifier *verifier, Zone *zone, NcClimb towards,
+                        const size_t *spots, size_t n)
+{
+    Ranked ranked[WORST_SPOTS];
+    for (size_t i = 0; i < n; i++)
+        ranked[i] = (Ranked){badness_of(&zone->spots[spots[i]], towards), spots[i]};
+    climb_worst(verifier, zone, towards, zone->places, ranked, n, zone->pitch_mm);
+}
+
+/* From the profiles' highest and lowest places. */
+static void climb_profiles(const NcVerifier *verifier, Zone *zone, NcClimb towards,
+                           const NcProfile *profiles, size_t n)
+{
+    g_autofree NcPlace *places = g_new(NcPlace, n + 1);
+    g_autofree Ranked *ranked = g_new(Ranked, n + 1);
+    bool gouge = towards == NC_CLIMB_GOUGE;
+    for (size_t i = 0; i < n; i++) {
+        places[i] = gouge ? profiles[i].bottom : profiles[i].top;
+        ranked[i] = (Ranked){gouge ? -profiles[i].bottom_mm : profiles[i].top_mm, i};
+    }
+    climb_worst(verifier, zone, towards, places, ranked, n, zone->judgement.profile_pitch_mm);
+}
+
+/* What the profiles show of the step-over. */
+static void sum_profiles(NcJudgement *judgement, const NcProfile *profiles, size_t n)
+{
+    judgement->n_profiles = n;
+    g_autofree double *steps = g_new(double, n + 1);
+    size_t n_steps = 0;
+    for (size_t i = 0; i < n; i++) {
+        judgement->profile_pitch_mm = fmax(judgement->profile_pitch_mm, profiles[i].pitch_mm);
+        if (profiles[i].stepover_mm <= 0)
+            continue;
+        steps[n_steps++] = profiles[i].stepover_mm;
+        judgement->pitch_share =
+            fmax(judgement->pitch_share, profiles[i].pitch_mm / profiles[i].stepover_mm);
+    }
+    qsort(steps, n_steps, sizeof *steps, by_size);
+    judgement->stepover_mm = n_steps > 0 ? steps[n_steps / 2] : NAN;
+}
+
+/* Profiles through these spots, and climbs from the worst. */
 static void take_profiles(const NcVerifier *verifier, Zone *zone, const size_t *at, size_t n)
 {
     g_autofree NcProfile *profiles = g_new(NcProfile, n + 1);
-    g_autofree NcWorst *ends = g_new0(NcWorst, 2 * n + 1);
 #pragma omp parallel for schedule(dynamic, 1)
-    for (size_t i = 0; i < n; i++) {
-        profiles[i] = nc_profile(verifier, &zone->places[at[i]]);
-        if (profiles[i].pitch_mm <= 0)
-            continue;
-        ends[2 * i] = nc_climb(verifier, zone->region, &profiles[i].bottom, NC_CLIMB_GOUGE,
-                               profiles[i].pitch_mm);
-        if (nc_verifier_reaches(verifier, zone->region, &profiles[i].top))
-            ends[2 * i + 1] = nc_climb(verifier, zone->region, &profiles[i].top, NC_CLIMB_EXCESS,
-                                       profiles[i].pitch_mm);
-    }
-    NcJudgement *judgement = &zone->judgement;
-    for (size_t i = 0; i < n; i++) {
-        const NcProfile *profile = &profiles[i];
-        nc_worst_take(&judgement->gouge_max, ends[2 * i]);
-        nc_worst_take(&judgement->excess_max, ends[2 * i + 1]);
-        if (profile->pitch_mm <= 0)
-            continue;
-        judgement->n_profiles++;
-        judgement->profile_pitch_mm = fmax(judgement->profile_pitch_mm, profile->pitch_mm);
-        if (profile->stepover_mm <= 0)
-            continue;
-        judgement->pitch_share =
-            fmax(judgement->pitch_share, profile->pitch_mm / profile->stepover_mm);
-        if (judgement->stepover_mm == 0 || profile->stepover_mm < judgement->stepover_mm)
-            judgement->stepover_mm = profile->stepover_mm;
-    }
+    for (size_t i = 0; i < n; i++)
+        profiles[i] = nc_profile(verifier, zone->region, &zone->places[at[i]]);
+    size_t taken = 0;
+    for (size_t i = 0; i < n; i++)
+        if (profiles[i].pitch_mm > 0)
+            profiles[taken++] = profiles[i];
+    sum_profiles(&zone->judgement, profiles, taken);
+    climb_profiles(verifier, zone, NC_CLIMB_GOUGE, profiles, taken);
+    climb_profiles(verifier, zone, NC_CLIMB_EXCESS, profiles, taken);
 }
 
 static void look_closer(const NcVerifier *verifier, Zone *zone)
 {
     size_t gouge[WORST_SPOTS], excess[WORST_SPOTS];
     size_t n_gouge = find_worst(zone, NC_CLIMB_GOUGE, gouge);
-    climb_worst(verifier, zone, NC_CLIMB_GOUGE, gouge, n_gouge);
+    climb_spots(verifier, zone, NC_CLIMB_GOUGE, gouge, n_gouge);
     if (zone->zone == 0 || zone->n == 0)
         return;
     size_t n_excess = find_worst(zone, NC_CLIMB_EXCESS, excess);
-    climb_worst(verifier, zone, NC_CLIMB_EXCESS, excess, n_excess);
+    climb_spots(verifier, zone, NC_CLIMB_EXCESS, excess, n_excess);
     g_autofree size_t *at = g_new(size_t, PROFILES + 2 * WORST_SPOTS);
     size_t even = MIN(zone->n, PROFILES), n = 0;
     for (size_t i = 0; i < even; i++)
@@ -418,6 +455,7 @@ static void sum_whole(NcVerdict *verdict)
 {
     NcJudgement *whole = &verdict->whole;
     whole->n_spots = verdict->n_spots;
+    whole->stepover_mm = NAN;
     for (size_t r = 0; r < verdict->n_regions; r++) {
         const NcJudgement *region = &verdict->regions[r];
         nc_worst_take(&whole->gouge_max, region->gouge_max);
@@ -426,9 +464,6 @@ static void sum_whole(NcVerdict *verdict)
         whole->survey_pitch_mm = fmax(whole->survey_pitch_mm, region->survey_pitch_mm);
         whole->profile_pitch_mm = fmax(whole->profile_pitch_mm, region->profile_pitch_mm);
         whole->pitch_share = fmax(whole->pitch_share, region->pitch_share);
-        if (region->stepover_mm > 0 &&
-            (whole->stepover_mm == 0 || region->stepover_mm < whole->stepover_mm))
-            whole->stepover_mm = region->stepover_mm;
     }
     whole->excess_p99_mm = excess_p99(verdict->spots, verdict->n_spots);
     sum_areas(whole, verdict->spots, verdict->n_spots, verdict->gouge_limit_mm,
@@ -447,11 +482,10 @@ static double cutting_s(const NcVerifier *verifier, size_t n)
 
 /* -------------------------------------------------------------------- collisions */
 
-static bool collide(const NcVerifier *verifier, size_t n, NcVerdict *verdict, GError **error)
+/* Cuts the verifier's stock, which is of no use for uncut places then. */
+static bool collide(NcVerifier *verifier, size_t n, NcVerdict *verdict, GError **error)
 {
-    (void)verifier;
-    (void)n;
-    (void)verdict;
-    (void)error;
-    return true;
+    verdict->collision_pitch_mm = verifier->pitch_mm;
+    return nc_stock_cut(verifier->stock, verifier->moves, n, verifier->zero, verifier->input->tools,
+                        verdict->collisions, error);
 }
