@@ -111,7 +111,9 @@ void nc_interpreter_set_probe(NcInterpreter *interpreter, NcProbe probe, void *d
 /* The text of a message move of this interpreter, as long as that lives. */
 const char *nc_interpreter_message(const NcInterpreter *interpreter, const NcMove *move);
 
-/* Reads one block (no newline needed) and appends its NcMoves. Anything unknown is an error with
+/* Reads one block (no newline needed) and appends its NcMoves; while the cutter's radius is
+ * compensated (G41, G42) those of the contour come with a later block, in their order, and the
+ * program's end leaves none out. Anything unknown is an error with
  * line, column and the offending word; nothing is ignored. After an error the interpreter stays as
  * it was before the block. */
 bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,

@@ -88,6 +88,7 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cp tests/gcode/*.ngc "$folder"
 SEGMILL_GCODE_OUT=$folder "$build/tests/nc_gcode_write" >"$folder/log" 2>&1
+SEGMILL_GCODE_OUT=$folder "$build/tests/nc_compensation" >"$folder/log" 2>&1
 
 programs=("$folder"/*.ngc)
 echo "1..$((${#programs[@]} + 4))"
@@ -102,8 +103,8 @@ for program in "${programs[@]}"; do
     result $? "LinuxCNC reads $name"
     sed 's/^/# /' "${program%.ngc}.expected.log" | grep -v '# executing' || true
 done
-[ -e "$folder/regions.ngc" ] && [ -e "$folder/random.ngc" ]
-result $? "the writer's programs are among them"
+[ -e "$folder/regions.ngc" ] && [ -e "$folder/random.ngc" ] && [ -e "$folder/contours.ngc" ]
+result $? "the writer's programs and the random contours are among them"
 SEGMILL_GCODE=$folder "$build/tests/nc_gcode_conformance" -p /nc/gcode/conformance/own \
     >"$folder/log" 2>&1
 result $? "and understands them as we do"

@@ -177,7 +177,7 @@ static char *contour_program(const Side *sides, int n, int code, double radius)
         }
         g_string_append_c(text, '\n');
     }
-    g_string_append(text, "G40\nM2\n");
+    g_string_append(text, "G40\n");
     return g_string_free(text, FALSE);
 }
 
@@ -198,10 +198,19 @@ static double deviation(const GArray *moves, const Side *sides, int n, double ra
     return worst;
 }
 
+/* For tests/ci/rs274.sh, which asks LinuxCNC. */
+static void keep_program(const char *text)
+{
+    const char *folder = g_getenv("SEGMILL_GCODE_OUT");
+    g_autofree char *path = folder ? g_build_filename(folder, "contours.ngc", NULL) : NULL;
+    g_assert_true(!path || g_file_set_contents(path, text, -1, NULL));
+}
+
 static void distance_kept(void)
 {
     CfgMachine machine = gcode_machine();
     g_autoptr(GRand) random = g_rand_new_with_seed(41);
+    g_autoptr(GString) all = g_string_new(NULL);
     int corners = 0;
     for (int i = 0; i < 400; i++) {
         Side sides[12];
@@ -210,7 +219,9 @@ static void distance_kept(void)
             n = make_contour(random, sides);
         while (has_faint_corner(sides, n));
         double radius = g_rand_double_range(random, 0.2, 3.0);
-        g_autofree char *program = contour_program(sides, n, i % 2 ? 41 : 42, radius);
+        g_autofree char *contour = contour_program(sides, n, i % 2 ? 41 : 42, radius);
+        g_autofree char *program = g_strconcat(contour, "M2\n", NULL);
+        g_string_append(all, contour);
         g_autoptr(GArray) moves = gcode_read(program, &machine);
         g_assert_nonnull(moves);
         if (!moves)
@@ -222,6 +233,7 @@ static void distance_kept(void)
         g_assert_cmpfloat(worst, <, NEAR);
     }
     g_assert_cmpint(corners, >, 400);
+    keep_program(g_string_append(all, "M2\n")->str);
 }
 
 /* ------------------------------------------------------------------------- refusals */
