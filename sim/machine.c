@@ -61,6 +61,9 @@ static void tell(SimMachine *machine, FbMachineEvent event, const FbAlarm *alarm
 static void publish_setup(SimMachine *machine, int work_offset);
 static GSource *clock_new(SimMachine *machine);
 static void count_jobs(SimMachine *machine, SimTotals before);
+static void end_job(SimMachine *machine, bool complete);
+static void removed(const SimRemoval *removal, void *data);
+static void raise_alarm(SimMachine *machine, const FbAlarm *alarm);
 static void do_faults(SimMachine *machine, SimFaultEvent event, double time_s, FbFate *fate);
 static FbFate fate_of_reply(void *data);
 static gboolean attend(void *data);
@@ -71,7 +74,10 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
     const CfgMachine *cfg = options->machine;
     machine->options = *options;
     SimControllerOptions controller = {
-        .machine = cfg, .speed = options->speed, .moves_per_step = MOVES_PER_STEP};
+        .machine = cfg,
+        .speed = options->speed,
+        .moves_per_step = MOVES_PER_STEP,
+        .course = options->material ? sim_material_course(options->material) : NULL};
     machine->controller = sim_controller_new(&controller);
     int64_t agent_timeout_us = (int64_t)(cfg->agent_timeout_s * 1e6);
     FbReceiverOptions receiver = {.epoch = options->epoch,
@@ -422,27 +428,80 @@ static void tell(SimMachine *machine, FbMachineEvent event, const FbAlarm *alarm
 
 static void count_jobs(SimMachine *machine, SimTotals before)
 {
-    const SimMachineCalls *calls = &machine->options.calls;
     const SimTotals now = sim_controller_totals(machine->controller);
     const bool complete = now.completed > before.completed;
     const bool bad = now.aborted > before.aborted || now.stopped > before.stopped;
-    if (calls->ended && (complete || bad))
+    if (complete || bad)
+        end_job(machine, complete);
+}
+
+/* A run, and whether it was completed. */
+typedef struct {
+    SimMachine *machine;
+    bool complete;
+} Ended;
+
+static void end_job(SimMachine *machine, bool complete)
+{
+    const SimMachineCalls *calls = &machine->options.calls;
+    if (machine->options.material) {
+        Ended *ended = g_new(Ended, 1);
+        *ended = (Ended){machine, complete};
+        if (machine->options.log)
+            sim_log_hold(machine->options.log);
+        sim_material_remove(machine->options.material, removed, ended);
+    } else if (calls->ended) {
         calls->ended(complete, calls->data);
+    }
+}
+
+/* The material of a run has been removed. */
+static void removed(const SimRemoval *removal, void *data)
+{
+    g_autofree Ended *ended = data;
+    SimMachine *machine = ended->machine;
+    const SimMachineCalls *calls = &machine->options.calls;
+    sim_material_report(removal, machine->options.log);
+    if (removal->collisions->len > 0 && machine->options.collision_alarm && !machine->off) {
+        g_autofree char *text =
+            sim_collision_text(&g_array_index(removal->collisions, NcCollision, 0));
+        const FbAlarm alarm = {SIM_ALARM_COLLISION, text, sim_alarm_advice(SIM_ALARM_COLLISION)};
+        raise_alarm(machine, &alarm);
+    }
+    if (calls->ended)
+        calls->ended(ended->complete && removal->collisions->len == 0 && !removal->error,
+                     calls->data);
+}
+
+static bool is_in_run(const SimMachine *machine)
+{
+    const SimTotals t = sim_controller_totals(machine->controller);
+    return t.started > t.completed + t.aborted + t.stopped;
+}
+
+void sim_machine_settle(SimMachine *machine)
+{
+    if (!machine->options.material)
+        return;
+    const bool was_on = !machine->off;
+    machine->off = true;
+    if (was_on && is_in_run(machine))
+        end_job(machine, false);
+    sim_material_settle(machine->options.material);
 }
 
 /* A run that is cut off has ended, too. */
 static void cut_power(SimMachine *machine)
 {
     const SimMachineCalls *calls = &machine->options.calls;
-    const SimTotals t = sim_controller_totals(machine->controller);
     machine->off = true;
-    if (calls->ended && t.started > t.completed + t.aborted + t.stopped)
-        calls->ended(false, calls->data);
+    if (is_in_run(machine))
+        end_job(machine, false);
     if (calls->cut)
         calls->cut(calls->data);
 }
 
-static void fail_on_purpose(SimMachine *machine, const FbAlarm *alarm)
+static void raise_alarm(SimMachine *machine, const FbAlarm *alarm)
 {
     g_free(machine->fault_text);
     machine->fault_text = g_strdup(alarm->text);
@@ -462,7 +521,7 @@ static void do_faults(SimMachine *machine, SimFaultEvent event, double time_s, F
         if (what->kind == SIM_FAULT_DO_NOTE && machine->options.log)
             sim_log_fault(machine->options.log, what->spec, time_s);
         else if (what->kind == SIM_FAULT_DO_EVENT && what->event == SIM_FAIL)
-            fail_on_purpose(machine, &what->alarm);
+            raise_alarm(machine, &what->alarm);
         else if (what->kind == SIM_FAULT_DO_EVENT)
             step_by(machine, what->event);
         else if (what->kind == SIM_FAULT_DO_CUT)

@@ -5,6 +5,7 @@
 
 #include "sim/fault.h"
 #include "sim/log.h"
+#include "sim/material.h"
 
 /* Where a server listens. */
 typedef struct {
@@ -14,7 +15,8 @@ typedef struct {
 
 /* What the owner of a machine is told; NULL: nothing. Not the place to free it. */
 typedef struct {
-    /* A job has ended: a run, or a program that was refused at VERIFY. */
+    /* A job has ended: a run, or a program that was refused at VERIFY. With material, once that is
+     * removed: a run that collided is not complete. */
     void (*ended)(bool complete, void *data);
     /* A fault has cut the power: the machine does nothing any more. Free it, and begin anew. */
     void (*cut)(void *data);
@@ -29,10 +31,12 @@ typedef struct {
     const char *can_interface; /* NULL: no CAN; else with the machine's key */
     double speed;              /* as SimControllerOptions */
     uint32_t epoch;
-    SimLog *log;       /* may be NULL; stays the caller's */
-    SimFaults *faults; /* the same; goes on with the next machine */
-    bool acknowledge;  /* nobody is there: it acknowledges by itself, as soon as agents have had a
-                          second to see what happened */
+    SimLog *log;           /* may be NULL; stays the caller's */
+    SimFaults *faults;     /* the same; goes on with the next machine */
+    SimMaterial *material; /* the same; NULL: nobody asks what is removed */
+    bool collision_alarm;  /* a run that collided ends in an alarm */
+    bool acknowledge; /* nobody is there: it acknowledges by itself, as soon as agents have had a
+                         second to see what happened */
     SimMachineCalls calls;
 } SimMachineOptions;
 
@@ -52,6 +56,9 @@ uint16_t sim_machine_tls_port(const SimMachine *machine);
 
 /* What a person does at the machine: SIM_ACKNOWLEDGE, SIM_ESTOP, SIM_HOLD or SIM_RESUME. */
 void sim_machine_press(SimMachine *machine, SimEventKind button);
+
+/* Stops for good, and waits until the material of what has been executed is removed. */
+void sim_machine_settle(SimMachine *machine);
 
 /* Whether an agent that is heard has the lease. */
 bool sim_machine_owned(const SimMachine *machine);

@@ -12,6 +12,7 @@ struct SimMaterial {
     NcStock *stock; /* of the thread, while one is at work */
     SimCourse *course;
     GQueue waiting; /* Removal, the first of them at work */
+    bool modelled;  /* a model has been asked for */
     double whole_mm3;
     unsigned collisions[NC_COLLISION_SPINDLE + 1];
 };
@@ -28,6 +29,7 @@ typedef struct {
 
 static NcStock *read_box(const char *numbers, const NcStockOptions *options, GError **error);
 static void begin_next(SimMaterial *material);
+static void wait_for_all(SimMaterial *material);
 static void remove_in_thread(GTask *task, void *source, void *data, GCancellable *cancellable);
 static void done(GObject *source, GAsyncResult *result, void *data);
 static bool cut(SimMaterial *material, const SimStretch *stretch, Removal *removal);
@@ -54,7 +56,7 @@ void sim_material_free(SimMaterial *material)
 {
     if (!material)
         return;
-    sim_material_settle(material);
+    wait_for_all(material);
     sim_course_free(material->course);
     nc_stock_free(material->stock);
     g_free(material);
@@ -93,6 +95,7 @@ void sim_material_remove(SimMaterial *material, SimRemoved removed, void *data)
     removal->removed = removed;
     removal->data = data;
     removal->collisions = g_array_new(FALSE, FALSE, sizeof(NcCollision));
+    material->modelled = true;
     g_queue_push_tail(&material->waiting, removal);
     if (material->waiting.length == 1)
         begin_next(material);
@@ -140,10 +143,24 @@ static void done(GObject *source, GAsyncResult *result, void *data)
     g_free(removal);
 }
 
-void sim_material_settle(SimMaterial *material)
+static void wait_for_all(SimMaterial *material)
 {
     while (material->waiting.length > 0)
         g_main_context_iteration(NULL, TRUE);
+}
+
+/* The model of what no run has touched. */
+static void untouched(const SimRemoval *removal, void *data)
+{
+    (void)data;
+    sim_material_report(removal, NULL);
+}
+
+void sim_material_settle(SimMaterial *material)
+{
+    if (!material->modelled && material->waiting.length == 0)
+        sim_material_remove(material, untouched, NULL);
+    wait_for_all(material);
 }
 
 /* The work zero does not move with what a program sets: the material stays where it is clamped. */
@@ -178,6 +195,23 @@ static bool cut(SimMaterial *material, const SimStretch *stretch, Removal *remov
 }
 
 /* ------------------------------------------------------------------------------ texts */
+
+void sim_material_report(const SimRemoval *removal, SimLog *log)
+{
+    for (guint i = 0; i < removal->collisions->len; i++) {
+        const NcCollision *collision = &g_array_index(removal->collisions, NcCollision, i);
+        g_autofree char *text = sim_collision_text(collision);
+        g_printerr("vcnc: %s\n", text);
+        if (log)
+            sim_log_collision(log, collision);
+    }
+    if (removal->error)
+        g_printerr("vcnc: %s\n", removal->error->message);
+    if (removal->error && log)
+        sim_log_material(log, removal->error->message);
+    if (log)
+        sim_log_release(log);
+}
 
 char *sim_material_summary(const SimMaterial *material)
 {

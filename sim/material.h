@@ -7,7 +7,7 @@
 #ifndef SIM_MATERIAL_H
 #define SIM_MATERIAL_H
 
-#include "sim/course.h"
+#include "sim/log.h"
 
 typedef struct {
     const CfgMachine *machine;
@@ -40,7 +40,11 @@ typedef void (*SimRemoved)(const SimRemoval *removal, void *data);
  * what was given before. */
 void sim_material_remove(SimMaterial *material, SimRemoved removed, void *data);
 
-/* Waits until everything that was given has been called back. */
+/* Says on stderr and in the log (released; may be NULL) what happened. */
+void sim_material_report(const SimRemoval *removal, SimLog *log);
+
+/* Waits until everything that was given has been called back, and sees to it that there is a model.
+ */
 void sim_material_settle(SimMaterial *material);
 
 /* What there was and is, a line or two; caller frees. */

@@ -13,7 +13,7 @@
 typedef struct {
     char *tls, *speed;
     char **faults, **fault_files;
-    gboolean acknowledge;
+    gboolean acknowledge, collision_alarm;
     unsigned jobs;
 } Texts;
 
@@ -35,9 +35,11 @@ static bool parse_faults(SimOptions *options, const Texts *texts, GError **error
 bool sim_options_parse(SimOptions *options, int argc, char **argv, GError **error)
 {
     g_auto(Texts) texts = {0};
+    options->pitch_mm = 0.1;
     if (!read_command_line(options, &texts, argc, argv, error))
         return false;
     options->acknowledge = texts.acknowledge;
+    options->collision_alarm = texts.collision_alarm;
     options->jobs = texts.jobs;
     return parse_speed(options, texts.speed ? texts.speed : "1", error) &&
            parse_addresses(options, texts.tls, error) && parse_faults(options, &texts, error);
@@ -77,6 +79,15 @@ static bool read_command_line(SimOptions *options, Texts *texts, int argc, char 
          "Do a fault on purpose: \"at line 12: hold\", \"random:7\"; repeatable", "SPEC"},
         {"fault-file", 0, 0, G_OPTION_ARG_FILENAME_ARRAY, &texts->fault_files,
          "The same from a file, a fault on each line; repeatable", "FILE"},
+        {"stock", 0, 0, G_OPTION_ARG_FILENAME, &options->stock,
+         "What is clamped on the machine, from the zero of G54: STL, OFF, IGES, STEP, or a box",
+         "FILE|box:X0,Y0,Z0,X1,Y1,Z1"},
+        {"ipm", 0, 0, G_OPTION_ARG_FILENAME, &options->model,
+         "Write what is left of it behind every run: .stl, or .off", "FILE"},
+        {"pitch", 0, 0, G_OPTION_ARG_DOUBLE, &options->pitch_mm,
+         "Distance of the lines that the material is kept in (default 0.1)", "MM"},
+        {"collision-alarm", 0, 0, G_OPTION_ARG_NONE, &texts->collision_alarm,
+         "A run that met material as it must not ends in alarm 204", NULL},
         {"acknowledge", 0, 0, G_OPTION_ARG_NONE, &texts->acknowledge,
          "Nobody is there: acknowledge whatever the machine wants acknowledged (for tests only)",
          NULL},
@@ -100,6 +111,11 @@ static bool read_command_line(SimOptions *options, Texts *texts, int argc, char 
     if (argc > 1) {
         g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_UNKNOWN_OPTION,
                     "%s: vcnc takes options only", argv[1]);
+        return false;
+    }
+    if (!options->stock && (options->model || texts->collision_alarm)) {
+        g_set_error(error, G_OPTION_ERROR, G_OPTION_ERROR_FAILED, "%s needs --stock",
+                    options->model ? "--ipm" : "--collision-alarm");
         return false;
     }
     if (!options->machine) {
@@ -174,5 +190,7 @@ void sim_options_clear(SimOptions *options)
     g_free(options->secure.host);
     g_free(options->can);
     g_free(options->log);
+    g_free(options->stock);
+    g_free(options->model);
     sim_fault_script_free(options->script);
 }

@@ -15,6 +15,9 @@ typedef struct {
     char *log;              /* file; NULL: none */
     SimFaultScript *script; /* NULL: no faults */
     bool acknowledge;       /* nobody is at the machine */
+    char *stock, *model;    /* --stock, --ipm; NULL: none */
+    double pitch_mm;        /* of the stock */
+    bool collision_alarm;   /* a run that collides ends in an alarm */
     unsigned jobs;          /* after which it ends; 0: never */
 } SimOptions;
 

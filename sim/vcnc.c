@@ -95,6 +95,18 @@ static int exit_of(const GError *error)
                                                                   : EXIT_FAILED;
 }
 
+/* NULL without an error: nothing is clamped. */
+static SimMaterial *clamp(const SimOptions *options, const CfgMachine *machine,
+                          const CfgToolTable *tools, GError **error)
+{
+    const SimMaterialOptions how = {.machine = machine,
+                                    .tools = tools,
+                                    .stock = options->stock,
+                                    .model = options->model,
+                                    .pitch_mm = options->pitch_mm};
+    return options->stock ? sim_material_new(&how, error) : NULL;
+}
+
 static int serve(const SimOptions *options)
 {
     g_autoptr(GError) error = NULL;
@@ -104,6 +116,9 @@ static int serve(const SimOptions *options)
         return failed(EXIT_CONFIGURATION, error);
     g_autoptr(SimFaults) faults = options->script ? sim_faults_new(options->script) : NULL;
     Program program = {.options = options, .faults = faults};
+    g_autoptr(SimMaterial) material = clamp(options, machine, tools, &error);
+    if (error)
+        return failed(EXIT_CONFIGURATION, error);
     SimMachineOptions how = {.machine = machine,
                              .tools = tools,
                              .plain = options->plain,
@@ -111,6 +126,8 @@ static int serve(const SimOptions *options)
                              .can_interface = options->can,
                              .speed = options->speed,
                              .acknowledge = options->acknowledge,
+                             .material = material,
+                             .collision_alarm = options->collision_alarm,
                              .faults = faults};
     if (!may_listen(options, machine, &error))
         return failed(EXIT_CONFIGURATION, error);
@@ -213,12 +230,13 @@ static void print_addresses(const SimMachineOptions *how)
     fflush(stdout);
 }
 
-static void print_summary(const Program *program)
+static void print_summary(const Program *program, const SimMaterial *material)
 {
     g_autofree char *summary = sim_machine_summary(program->machine);
     g_autofree char *faults =
         program->faults && !program->cut ? sim_faults_summary(program->faults) : NULL;
-    g_print("%s%s", summary, faults ? faults : "");
+    g_autofree char *removed = material ? sim_material_summary(material) : NULL;
+    g_print("%s%s%s", summary, removed ? removed : "", faults ? faults : "");
     fflush(stdout);
 }
 
@@ -232,7 +250,8 @@ static bool serve_once(Program *program, SimMachineOptions *how, GError **error)
     how->secure.port = sim_machine_tls_port(program->machine);
     print_addresses(how);
     g_main_loop_run(program->loop);
-    print_summary(program);
+    sim_machine_settle(program->machine);
+    print_summary(program, how->material);
     SimMachine *machine = g_steal_pointer(&program->machine);
     sim_machine_free(machine);
     return true;
