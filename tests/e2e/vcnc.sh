@@ -49,6 +49,18 @@ ok "bad machine file" exits 3 nmae --machine "$dir/bad.ini"
 printf '[tools]\nfile = absent.ini\n' >"$dir/toolless.ini"
 ok "no tool table" exits 3 absent.ini --machine "$dir/toolless.ini"
 ok "log that cannot be written" exits 1 "$dir/no/log" --machine "$machine" --log "$dir/no/log"
+documented() { # every option and every fault is in the man page, and no other option
+    local word
+    "$vcnc" --help | grep -o -e '--[a-z][a-z-]*' | sort -u >"$dir/options"
+    grep -o -e '--[a-z][a-z-]*' docs/vcnc.1 | sort -u >"$dir/in-the-page"
+    diff "$dir/options" "$dir/in-the-page" || return 1
+    for word in $("$vcnc" --machine "$machine" --fault 'at line 1: x' 2>&1 |
+        sed -n 's/.*one of \(.*\)/\1/p' | tr -d ,); do
+        grep -q "^\.\(B\|BR\|BI\) \"*$word" docs/vcnc.1 || { echo "$word" && return 1; }
+    done
+    [ -n "$word" ]
+}
+ok "the man page has every option and every fault" documented
 ok "help" sh -c "'$vcnc' --help | grep -q -e --speed"
 
 start
