@@ -3,23 +3,38 @@
 
 #include <string.h>
 
-#include "nc/stock/sweep.h"
+#include "nc/stock/sweep_axis.h"
 
 static void make_end(const NcRay *ray, const NcBody *body, const NcChord *chord, double t,
                      SegVec3 normal, bool lower, NcDexelEnd *end);
 static double take_out(const NcRay *ray, NcDexelEnd from, NcDexelEnd to, int32_t *middle);
 
+/* The interval to take out; over the highest material its upper end is of no account. */
+static bool swept(const NcRay *ray, const NcBody *body, const NcChord *chord, double highest,
+                  double t[2], SegVec3 normal[2])
+{
+    SegVec3 a = chord->a, b = chord->b, origin = ray->origin;
+    if (ray->axis < 2)
+        return nc_swept_level(body, a, b, ray->axis, origin, t, normal);
+    t[1] = fmin(a.z, b.z) + body->top;
+    normal[1] = seg_vec3(0, 0, 1);
+    if (t[1] > highest)
+        return nc_swept_floor(body, a, b, origin.x, origin.y, &t[0], &normal[0]);
+    return nc_swept_interval(body, a, b, origin, seg_vec3(0, 0, 1), &t[0], &t[1], normal);
+}
+
 double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chord,
                        double *middle_mm)
 {
+    const NcDexelTile *tile = ray->tile;
+    uint32_t first = tile->first[ray->ray], last = tile->first[ray->ray + 1];
+    if (first == last)
+        return 0;
+    double lowest = nc_dexel_mm(ray->stock, ray->axis, tile->ends[first].depth);
+    double highest = nc_dexel_mm(ray->stock, ray->axis, tile->ends[last - 1].depth);
     double t[2];
-    SegVec3 normal[2], w = {ray->axis == 0, ray->axis == 1, ray->axis == 2};
-    const NcDexelEnd *ends = ray->tile->ends + ray->tile->first[ray->ray];
-    const NcDexelEnd *last = ray->tile->ends + ray->tile->first[ray->ray + 1] - 1;
-    if (last < ends ||
-        !nc_swept_interval(body, chord->a, chord->b, ray->origin, w, &t[0], &t[1], normal) ||
-        t[0] >= nc_dexel_mm(ray->stock, ray->axis, last->depth) ||
-        t[1] <= nc_dexel_mm(ray->stock, ray->axis, ends->depth))
+    SegVec3 normal[2];
+    if (!swept(ray, body, chord, highest, t, normal) || t[0] >= highest || t[1] <= lowest)
         return 0;
     NcDexelEnd from, to;
     int32_t middle = 0;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The swept volume of every kind of tool, cut by lines: against its definition, on which nothing of
  * the kernel rests, and against closed forms. */
-#include "nc/stock/sweep.h"
+#include "nc/stock/sweep_axis.h"
 #include "tests/lib/stock_case.h"
 #include "tests/lib/test.h"
 
@@ -119,44 +119,87 @@ static bool check_end(GRand *random, const CfgTool *tool, SegVec3 a, SegVec3 b, 
     return good;
 }
 
+/* The kernel; along an axis the fast one where `fast`, which gives of Z only the lower end. */
+static int ends_on_line(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 origin, SegVec3 w,
+                        bool fast, SegVec3 ends[2], SegVec3 normals[2])
+{
+    double t[2];
+    int axis = fabs(w.x) == 1 ? 0 : fabs(w.y) == 1 ? 1 : 2;
+    SegVec3 base = {axis == 0 ? 0 : origin.x, axis == 1 ? 0 : origin.y, axis == 2 ? 0 : origin.z};
+    SegVec3 up = {axis == 0, axis == 1, axis == 2};
+    bool meets;
+    if (!fast) {
+        meets = nc_swept_interval(body, a, b, origin, w, &t[0], &t[1], normals);
+        base = origin;
+        up = w;
+    } else if (axis < 2) {
+        meets = nc_swept_level(body, a, b, axis, origin, t, normals);
+    } else {
+        meets = nc_swept_floor(body, a, b, origin.x, origin.y, &t[0], &normals[0]);
+        t[1] = t[0];
+    }
+    for (int i = 0; i < 2; i++)
+        ends[i] = seg_along(base, up, t[i]);
+    return !meets ? 0 : fast && axis == 2 ? 1 : 2;
+}
+
 static bool check_line(GRand *random, const CfgTool *tool, SegVec3 a, SegVec3 b, SegVec3 origin,
-                       SegVec3 w, bool *hit)
+                       SegVec3 w, bool fast, bool *hit)
 {
     NcBody body = nc_body_cutting(tool);
-    double t[2];
-    SegVec3 normals[2];
-    *hit = nc_swept_interval(&body, a, b, origin, w, &t[0], &t[1], normals);
-    for (int i = 0; i < 2 && *hit; i++)
-        if (!check_end(random, tool, a, b, seg_along(origin, w, t[i]), normals[i]))
+    SegVec3 ends[2], normals[2];
+    int n = ends_on_line(&body, a, b, origin, w, fast, ends, normals);
+    *hit = n > 0;
+    for (int i = 0; i < n; i++)
+        if (!check_end(random, tool, a, b, ends[i], normals[i]))
             return false;
-    for (int i = 0; i < 100 && !*hit; i++)
+    for (int i = 0; i < 100 && n == 0; i++)
         if (defined_inside(tool, a, b, seg_along(origin, w, g_rand_double_range(random, -40, 40))))
             return false;
     return true;
 }
 
-static void test_definition(void)
+static void report(const CfgTool *tool, SegVec3 a, SegVec3 b, SegVec3 origin, SegVec3 w, bool fast)
 {
-    g_autoptr(GRand) random = g_rand_new_with_seed(1);
-    int hits = 0, wrong = 0, n = 6000;
+    g_test_message("%s: a = (%.17g, %.17g, %.17g), b = (%.17g, %.17g, %.17g), line from (%.17g, "
+                   "%.17g, %.17g) along (%.17g, %.17g, %.17g)%s",
+                   cfg_tool_kind_name(tool->kind), a.x, a.y, a.z, b.x, b.y, b.z, origin.x, origin.y,
+                   origin.z, w.x, w.y, w.z, fast ? ", fast" : "");
+}
+
+static void check_random_lines(int n, unsigned seed, bool fast)
+{
+    g_autoptr(GRand) random = g_rand_new_with_seed(seed);
+    int hits = 0, wrong = 0;
     for (int i = 0; i < n; i++) {
         const CfgTool *tool = &test_tools.tools[i % N_KINDS];
         SegVec3 a = random_vector(random, 100), b = seg_add(a, random_move(random));
         SegVec3 w = random_direction(random, seg_sub(b, a));
+        if (fast) {
+            int axis = g_rand_int_range(random, 0, 3);
+            w = seg_vec3(axis == 0, axis == 1, axis == 2);
+        }
         SegVec3 near = seg_lerp(a, b, g_rand_double(random));
         near.z += g_rand_double_range(random, -1, tool->flute_length_mm + 1);
         SegVec3 origin = seg_add(near, random_vector(random, 4));
         origin = seg_along(origin, w, g_rand_double_range(random, -30, 30));
         bool hit;
-        if (!check_line(random, tool, a, b, origin, w, &hit) && ++wrong < 5)
-            g_test_message("%s: a = (%.17g, %.17g, %.17g), b = (%.17g, %.17g, %.17g), line from "
-                           "(%.17g, %.17g, %.17g) along (%.17g, %.17g, %.17g)",
-                           cfg_tool_kind_name(tool->kind), a.x, a.y, a.z, b.x, b.y, b.z, origin.x,
-                           origin.y, origin.z, w.x, w.y, w.z);
+        if (!check_line(random, tool, a, b, origin, w, fast, &hit) && ++wrong < 5)
+            report(tool, a, b, origin, w, fast);
         hits += hit;
     }
     g_assert_cmpint(wrong, ==, 0);
     g_assert_cmpint(hits, >, n / 3);
+}
+
+static void test_any_line(void)
+{
+    check_random_lines(6000, 1, false);
+}
+
+static void test_axes(void)
+{
+    check_random_lines(6000, 2, true);
 }
 
 /* A ball on a level move: the line across it, and the one down on it, have textbook ends. */
@@ -224,7 +267,8 @@ static void test_profiles(void)
 
 static void add(void)
 {
-    g_test_add_func("/nc/stock/sweep/definition", test_definition);
+    g_test_add_func("/nc/stock/sweep/any-line", test_any_line);
+    g_test_add_func("/nc/stock/sweep/axes", test_axes);
     g_test_add_func("/nc/stock/sweep/ball", test_ball_closed_form);
     g_test_add_func("/nc/stock/sweep/flat-ramp", test_flat_ramp);
     g_test_add_func("/nc/stock/sweep/profiles", test_profiles);
