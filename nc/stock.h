@@ -36,6 +36,7 @@ NcStock *nc_stock_new_mesh(const SegVec3 *vertices, size_t n_vertices,
 /* A closed body from STL, OFF, IGES or STEP (seg_part_load), in workpiece coordinates. Errors:
  * NC_ERROR_PLAN; SEG_ERROR of the file. */
 NcStock *nc_stock_load(const char *path, const NcStockOptions *options, GError **error);
+NcStock *nc_stock_copy(const NcStock *stock);
 void nc_stock_free(NcStock *stock);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcStock, nc_stock_free)
 
@@ -67,6 +68,17 @@ typedef struct {
  */
 bool nc_stock_cut(NcStock *stock, const NcMove *moves, size_t n, SegVec3 zero,
                   const CfgToolTable *tools, GArray *collisions, GError **error);
+
+/*
+ * Where on a straight move the flutes of its tool (a probe is a tool of the table) first touch
+ * material, or with `away` first leave it; at its start where they do or do not already. False:
+ * nowhere, or a tool that the table does not have. `where` and `zero` are as NcProbe's and
+ * nc_stock_cut's. Where the tool meets rays the place is within NC_STOCK_PROBE_MM; a tip of radius
+ * R may come up to pitch²/(4·R) deeper between them.
+ */
+#define NC_STOCK_PROBE_MM 1e-5
+bool nc_stock_probe(const NcStock *stock, const NcMove *move, SegVec3 zero,
+                    const CfgToolTable *tools, bool away, SegVec3 *where);
 
 /* ----------------------------------------------------------- in-process model */
 
