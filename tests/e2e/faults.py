@@ -56,7 +56,7 @@ class Case:
         self.file.write_bytes(self.program)
         self.machine = cell.Machine(self.folder, options.speed, AGENT_TIMEOUT_S,
                                     2048 if self.drips else 1 << 20)
-        self.frames, self.resumed = [], False
+        self.frames, self.resumed, self.attending = [], False, False
         self.ends = []  # of each segmill: (exit status, the object it printed)
 
     def judge(self, frame):
@@ -97,10 +97,12 @@ class Case:
 
     async def attended(self, call, port):
         """What the call of segmill says, a person looking after the machine meanwhile."""
+        self.attending = True
         watch = asyncio.create_task(self.watch(port))
         try:
             return await call
         finally:
+            self.attending = False  # wait_for may swallow a cancellation that comes with its result
             watch.cancel()
             await asyncio.gather(watch, return_exceptions=True)
 
@@ -108,7 +110,7 @@ class Case:
         """A busy host may keep segmill from its beats for so long that the machine holds: a person
         lets it go on."""
         other = cell.Agent(self.folder, port, self.options.window, self.options.drip)
-        while True:
+        while self.attending:
             await asyncio.sleep(AGENT_TIMEOUT_S / 2)
             if self.machine.process.poll() is None and self.machine.status()["state"] == "HELD":
                 self.resumed = True
