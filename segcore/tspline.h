@@ -118,4 +118,18 @@ typedef struct {
 SegTspline *seg_tspline_refine(const SegTspline *tspline, const SegTline *lines, size_t n,
                                GError **error);
 
+/*
+ * Reads a T-spline, told by content: .tspl, ours (docs/tspl.md); point lists with knot vectors and
+ * neighbours (.cfg); OpenTspline's binary form (.tsp). Of the others what is bicubic and one patch
+ * is read, and the message names what is not. SEG_ERROR_INPUT with file and line; SEG_ERROR_IO.
+ */
+SegTspline *seg_tspline_load(const char *path, GError **error);
+
+/* The same from memory; `name` is for messages. */
+SegTspline *seg_tspline_from_bytes(const void *bytes, size_t length, const char *name,
+                                   GError **error);
+
+/* Writes .tspl, beside and renamed: what is read back is the same to the last digit. */
+bool seg_tspline_save(const SegTspline *tspline, const char *path, GError **error);
+
 #endif

@@ -150,21 +150,28 @@ static bool has_patch(const SegTspline *t, int32_t face)
            t->knots_v[f->j0] < t->knots_v[f->j1];
 }
 
+static bool overlap(const double *knots, const int32_t lines[5], int32_t from, int32_t to)
+{
+    return fmax(knots[lines[0]], knots[from]) < fmin(knots[lines[4]], knots[to]);
+}
+
 /* Appends the faces of the surface that the function with these lines is not zero all over, each
  * once; `seen` has the number of the last function that met a face. */
 static void append_faces(const SegTspline *t, const int32_t *cells, const int32_t u[5],
                          const int32_t v[5], int32_t number, int32_t *seen, GArray *to)
 {
-    for (int32_t i = u[0]; i < u[4]; i++) {
-        for (int32_t j = v[0]; j < v[4]; j++) {
+    for (int32_t i = u[0]; i < u[4]; i++)
+        for (int32_t j = v[0]; j < v[4];) {
             int32_t face = cells[(ptrdiff_t)i * (t->n_v - 1) + j];
-            bool area = t->knots_u[i] < t->knots_u[i + 1] && t->knots_v[j] < t->knots_v[j + 1];
-            if (!area || seen[face] == number || !has_patch(t, face))
+            const SegTface *f = &t->faces[face];
+            j = f->j1;
+            if (seen[face] == number)
                 continue;
             seen[face] = number;
-            g_array_append_val(to, face);
+            if (has_patch(t, face) && overlap(t->knots_u, u, f->i0, f->i1) &&
+                overlap(t->knots_v, v, f->j0, f->j1))
+                g_array_append_val(to, face);
         }
-    }
 }
 
 /* Every vertex has a point, but where its function would not reach the surface. */

@@ -6,10 +6,15 @@
  */
 #include "segcore/geom/tspline_patch.h"
 
-#include <string.h>
+#include <stdlib.h>
+
+#include "segcore/geom/part_form.h"
 
 /* The weights of a patch are taken for 1 within this: rounding of a partition of unity. */
 static const double WEIGHT_ROUNDING = 1e-14;
+
+/* Most poles of a patch, and most numbers of all: beyond, knots run through faces without end. */
+enum { MOST_POLES = 1 << 20, MOST_REALS = 1 << 27 };
 
 /* One direction of a face: the ends of its pieces, and the ordinates of each influence point. */
 typedef struct {
@@ -56,8 +61,8 @@ static void append_knots(GArray *reals, const Pieces *pieces)
             g_array_append_val(reals, pieces->cuts[i]);
 }
 
-/* Sums the homogeneous poles of all influence points; false where a weight is not positive. */
-static bool sum_poles(const SegTspline *t, const int32_t *influence, int n, const Pieces *u,
+/* Sums the homogeneous poles of all influence points. */
+static void sum_poles(const SegTspline *t, const int32_t *influence, int n, const Pieces *u,
                       const Pieces *v, double (*poles)[4])
 {
     size_t rows = (size_t)(3 * u->n + 1), columns = (size_t)(3 * v->n + 1);
@@ -65,13 +70,52 @@ static bool sum_poles(const SegTspline *t, const int32_t *influence, int n, cons
         const SegTpoint *p = &t->points[influence[k]];
         const double h[4] = {p->w * p->x, p->w * p->y, p->w * p->z, p->w};
         const double *in_u = u->ordinates + k * rows, *in_v = v->ordinates + k * columns;
+        size_t first = 0, end = columns;
+        while (first < end && in_v[first] == 0)
+            first++;
+        while (end > first && in_v[end - 1] == 0)
+            end--;
         for (size_t i = 0; i < rows; i++)
-            for (size_t j = 0; in_u[i] != 0 && j < columns; j++)
+            for (size_t j = first; in_u[i] != 0 && j < end; j++)
                 for (int x = 0; x < 4; x++)
                     poles[i * columns + j][x] += in_u[i] * in_v[j] * h[x];
     }
+}
+
+/* Four poles of a row across a border, `step` apart from the border inwards. Where no function
+ * reaches it, as with a knot only three times at an end, points and weight go to zero together, and
+ * the surface to a limit: t·(c0, c1, c2) of degree 2 is projectively (c0, c1, c2), raised to 3. The
+ * fourth pole, which the next piece shares, is the same. */
+static void divide_out_border(double (*poles)[4], ptrdiff_t step)
+{
+    for (int x = 0; x < 4; x++) {
+        double c0 = 3 * poles[step][x], c1 = 1.5 * poles[2 * step][x], c2 = poles[3 * step][x];
+        poles[0][x] = c0;
+        poles[step][x] = (c0 + 2 * c1) / 3;
+        poles[2 * step][x] = (2 * c1 + c2) / 3;
+    }
+}
+
+/* A border of n poles `along` apart, from which `inwards` leads into the surface. */
+static void take_limit(double (*border)[4], size_t n, ptrdiff_t along, ptrdiff_t inwards)
+{
+    for (size_t i = 0; i < n; i++)
+        if (border[(ptrdiff_t)i * along][3] != 0)
+            return;
+    for (size_t i = 0; i < n; i++)
+        divide_out_border(border + (ptrdiff_t)i * along, inwards);
+}
+
+/* False where a weight is not positive even so. */
+static bool take_limits(double (*poles)[4], size_t rows, size_t columns)
+{
+    ptrdiff_t row = (ptrdiff_t)columns, last_row = (ptrdiff_t)(rows - 1) * row;
+    take_limit(poles, columns, 1, row);
+    take_limit(poles + last_row, columns, 1, -row);
+    take_limit(poles, rows, row, 1);
+    take_limit(poles + columns - 1, rows, row, -1);
     for (size_t i = 0; i < rows * columns; i++)
-        if (!(poles[i][3] >= SEG_TSPLINE_LEAST_WEIGHT))
+        if (!(poles[i][3] >= SEG_FORM_MIN_WEIGHT))
             return false;
     return true;
 }
@@ -123,15 +167,19 @@ static bool add_patch(SegTpatches *p, const SegTspline *t, int32_t face, GError 
                       .degree_v = 3,
                       .n_u = 3 * u.n + 1,
                       .n_v = 3 * v.n + 1};
-    g_autofree double *free_u = u.ordinates = g_new0(double, n * s->n_u);
-    g_autofree double *free_v = v.ordinates = g_new0(double, n * s->n_v);
     g_autofree double *cuts_u = u.cuts, *cuts_v = v.cuts;
+    int64_t n_poles = (int64_t)s->n_u * s->n_v;
+    if (n_poles > MOST_POLES || p->reals->len + 4 * n_poles > MOST_REALS)
+        return refuse(f, "is crossed by too many knots of its points", error);
+    g_autofree double *free_u = u.ordinates = g_new0(double, (gsize)n *(gsize)s->n_u);
+    g_autofree double *free_v = v.ordinates = g_new0(double, (gsize)n *(gsize)s->n_v);
     for (int k = 0; k < n; k++)
         if (!find_ordinates(in_u[k], &u, u.ordinates + (ptrdiff_t)k * s->n_u) ||
             !find_ordinates(in_v[k], &v, v.ordinates + (ptrdiff_t)k * s->n_v))
             return refuse(f, "is torn: a point has four equal knots inside it", error);
     g_autofree double(*poles)[4] = g_malloc0_n((gsize)s->n_u * (gsize)s->n_v, sizeof *poles);
-    if (!sum_poles(t, influence, n, &u, &v, poles))
+    sum_poles(t, influence, n, &u, &v, poles);
+    if (!take_limits(poles, (size_t)s->n_u, (size_t)s->n_v))
         return refuse(f,
                       "is not covered up to its border: the weights of its points sum to 0 "
                       "there; repeat the outer lines, or make it a hole",

@@ -5,7 +5,7 @@
 
 #include "segcore/segcore.h"
 
-/* Least weight of a point, and of their sum on a face; the reciprocal of the largest. */
+/* Least weight of a point; the reciprocal of the largest. */
 #define SEG_TSPLINE_LEAST_WEIGHT 1e-9
 
 typedef struct SegTpatches {

@@ -184,6 +184,43 @@ static void test_definition(void)
     }
 }
 
+/* The files of others: what they say is the definition. On borders that no function reaches the
+ * surface goes to its limit. */
+static void test_files_of_others(void)
+{
+    static const char *const files[] = {"beach_tspline.cfg", "door_tspline.cfg",
+                                        "helicoidal_tspline.cfg", "opentspline_tmesh.tsp"};
+    static const int32_t points[] = {16, 219, 216, 22};
+    for (size_t i = 0; i < G_N_ELEMENTS(files); i++) {
+        g_autofree char *name = g_build_filename("tspline", files[i], NULL);
+        g_autofree char *path = test_data(name);
+        if (!path)
+            return;
+        g_autoptr(GError) error = NULL;
+        g_autoptr(SegTspline) t = seg_tspline_load(path, &error);
+        g_assert_no_error(error);
+        if (!t)
+            continue;
+        g_assert_cmpint(t->n_points, ==, points[i]);
+        double u0, u1, v0, v1;
+        seg_tspline_domain(t, &u0, &u1, &v0, &v1);
+        for (int k = 0; k < 400; k++) {
+            double a = (k / 20 + 0.5) / 20, b = (k % 20 + 0.5) / 20;
+            const double u[] = {u0 + a * (u1 - u0), u0, u0 + 1e-9 * (u1 - u0), u1};
+            const double v[] = {v0 + b * (v1 - v0), v0 + b * (v1 - v0), v0 + b * (v1 - v0), v1};
+            g_autoptr(SegSurfaceBatch) batch = seg_surface_batch_new(4, SEG_ALL_FIELDS);
+            seg_tspline_points(t, u, v, 4, batch);
+            assert_vec(at(batch->position, 0), definition(t, u[0], v[0]), 1e-12);
+            assert_vec(at(batch->position, 1), at(batch->position, 2), 1e-4);
+            const SegTpoint *last = &t->points[0];
+            for (int32_t p = 0; p < t->n_points; p++)
+                if (t->points[p].i == t->n_u - 1 && t->points[p].j == t->n_v - 1)
+                    last = &t->points[p];
+            assert_vec(at(batch->position, 3), seg_vec3(last->x, last->y, last->z), 1e-12);
+        }
+    }
+}
+
 /* Outside the domain, and at no number. */
 static void test_outside(void)
 {
@@ -290,8 +327,6 @@ static void test_refused(void)
     expect(&p, "no control point");
     p = plain(), memcpy(p.knots_u, (double[]){0, 0, 0, 0, 0, 0}, sizeof p.knots_u);
     expect(&p, "no face");
-    p = plain(), memcpy(p.knots_u, (double[]){0, 1, 2, 3, 4, 5}, sizeof p.knots_u);
-    expect(&p, "not covered");
     p = plain();
     for (int i = 0; i < 25; i++)
         p.faces[i].hole = 1;
@@ -310,6 +345,7 @@ static void add(void)
     g_test_add_func("/segcore/tspline/from_face", test_from_face);
     g_test_add_func("/segcore/tspline/open_knots", test_open_knots);
     g_test_add_func("/segcore/tspline/definition", test_definition);
+    g_test_add_func("/segcore/tspline/files_of_others", test_files_of_others);
     g_test_add_func("/segcore/tspline/outside", test_outside);
     g_test_add_func("/segcore/tspline/rays", test_rays);
     g_test_add_func("/segcore/tspline/refused", test_refused);

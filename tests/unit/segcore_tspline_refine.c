@@ -133,6 +133,25 @@ static void test_surfaces(void)
     g_rand_free(random);
 }
 
+/* Of others, with T-junctions, and borders where the surface is a limit. */
+static void test_files(void)
+{
+    static const char *const files[] = {"beach_tspline.cfg", "door_tspline.cfg",
+                                        "helicoidal_tspline.cfg", "opentspline_tmesh.tsp"};
+    GRand *random = g_rand_new_with_seed(20261126);
+    for (size_t i = 0; i < G_N_ELEMENTS(files); i++) {
+        g_autofree char *name = g_build_filename("tspline", files[i], NULL);
+        g_autofree char *path = test_data(name);
+        g_autoptr(SegTspline) t = path ? seg_tspline_load(path, NULL) : NULL;
+        for (int times = 0; t && times < 4; times++) {
+            SegTline lines[8];
+            random_rectangles(random, t, lines, 2);
+            seg_tspline_free(check_refined(t, lines, 8));
+        }
+    }
+    g_rand_free(random);
+}
+
 /* One small rectangle in a large surface costs points near it only. */
 static void test_local(void)
 {
@@ -185,6 +204,7 @@ static void add(void)
 {
     g_test_add_func("/segcore/tspline_refine/examples", test_examples);
     g_test_add_func("/segcore/tspline_refine/surfaces", test_surfaces);
+    g_test_add_func("/segcore/tspline_refine/files", test_files);
     g_test_add_func("/segcore/tspline_refine/local", test_local);
     g_test_add_func("/segcore/tspline_refine/nothing", test_nothing);
     g_test_add_func("/segcore/tspline_refine/whole_line", test_whole_line);
