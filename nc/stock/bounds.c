@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/stock/bounds.h"
 
+#include <string.h>
+
 /* The results are the same with and without: none of these loops fuses or reorders. */
 #define CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 
@@ -95,13 +97,18 @@ static inline float most(float a, float b)
     return a > b ? a : b;
 }
 
+static inline int padded(const NcLanes *lanes)
+{
+    return (lanes->n + NC_LANES - 1) / NC_LANES * NC_LANES;
+}
+
 /* A sphere on its way, exact but for rounding: along the ray its lowest place is where the capsule
  * touches, and that is where the way's slope is the sphere's. */
 CLONES static void add_sphere(const NcLanes *lanes, float radius, float u, float v, float centre,
                               float *low, float *high)
 {
     float r = radius + lanes->margin, square = r * r, margin = lanes->margin;
-    int n = (lanes->n + NC_LANES - 1) / NC_LANES * NC_LANES;
+    int n = padded(lanes);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         float eu = u - lanes->u[i], ev = v - lanes->v[i];
@@ -140,7 +147,7 @@ CLONES static void add_upright(const NcLanes *lanes, const NcBody *body, float u
         r1[k] = is ? (float)f->r1 + margin : -1;
         steep[k] = is && f->r1 > f->r0 ? (float)((f->z1 - f->z0) / (f->r1 - f->r0)) : 0;
     }
-    int n = (lanes->n + NC_LANES - 1) / NC_LANES * NC_LANES;
+    int n = padded(lanes);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         float eu = u - lanes->u[i], ev = v - lanes->v[i];
@@ -171,7 +178,7 @@ CLONES static void add_level(const NcLanes *lanes, const float piece[7], bool z_
     const float *os = z_is_u ? lanes->v : lanes->u, *dos = z_is_u ? lanes->dv : lanes->du;
     float from = piece[0], to = piece[1], base = piece[2], widening = piece[3];
     float disc = piece[4], round = piece[5], centre = piece[6], margin = lanes->margin;
-    int n = (lanes->n + NC_LANES - 1) / NC_LANES * NC_LANES;
+    int n = padded(lanes);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
         float lowest = zs[i] + least(dzs[i], 0), highest = zs[i] + most(dzs[i], 0);
@@ -214,7 +221,7 @@ static void add_level_pieces(const NcLanes *lanes, const NcBody *body, float u, 
 void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float *low,
                      float *high)
 {
-    for (int i = 0; i < (lanes->n + NC_LANES - 1) / NC_LANES * NC_LANES; i++) {
+    for (int i = 0; i < padded(lanes); i++) {
         low[i] = INFINITY;
         high[i] = -INFINITY;
     }
@@ -227,4 +234,30 @@ void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v,
         add_upright(lanes, body, u, v, low, high);
     else
         add_level_pieces(lanes, body, u, v, low, high);
+}
+
+CLONES void nc_lanes_overlap(const NcLanes *lanes, const float *low, const float *high, float in,
+                             float out, float *overlap)
+{
+    int n = padded(lanes);
+    in -= lanes->margin;
+    out += lanes->margin;
+#pragma omp simd
+    for (int i = 0; i < n; i++)
+        overlap[i] = most(overlap[i], least(high[i], out) - most(low[i], in));
+}
+
+/* Floats from 0 up are in the order of their bits; the last of these give way to the lane. */
+CLONES int nc_lanes_longest(const NcLanes *lanes, const float *overlap)
+{
+    int32_t best = 0;
+    int n = padded(lanes);
+#pragma omp simd reduction(max : best)
+    for (int k = 0; k < n; k++) {
+        int32_t bits;
+        memcpy(&bits, &overlap[k], sizeof bits);
+        bits = (bits & -NC_GROUP) | (NC_GROUP - 1 - k);
+        best = bits > best ? bits : best;
+    }
+    return best < NC_GROUP ? -1 : NC_GROUP - 1 - best % NC_GROUP;
 }

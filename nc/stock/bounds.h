@@ -35,4 +35,11 @@ void nc_lanes_choose(NcLanes *lanes, const NcLanes *all, uint64_t chosen);
 void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float *low,
                      float *high);
 
+/* For each lane how much of [in, out] its interval covers, kept where `overlap` is more already. */
+void nc_lanes_overlap(const NcLanes *lanes, const float *low, const float *high, float in,
+                      float out, float *overlap);
+
+/* The lane with the greatest overlap, of nearly equal ones the first; -1 where none is above 0. */
+int nc_lanes_longest(const NcLanes *lanes, const float *overlap);
+
 #endif

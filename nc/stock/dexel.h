@@ -7,7 +7,8 @@
  * along axis (d + 1) % 3, v along (d + 2) % 3. Depths along a ray are whole numbers of
  * pitch / 2^shift, counted from node 0: node i lies at depth i·2^shift exactly, and no end of a
  * segment ever does. An end near a node is put on the side that nc_swept_contains gives the node,
- * so the three rays through a node agree whether it is material.
+ * so the three rays through a node agree whether it is material. (All but a ray that runs in the
+ * surface to the last digit, in a wall along it: that one may have its nodes on the other side.)
  */
 #ifndef NC_STOCK_DEXEL_H
 #define NC_STOCK_DEXEL_H

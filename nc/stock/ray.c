@@ -36,10 +36,13 @@ double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chor
     SegVec3 normal[2];
     if (!swept(ray, body, chord, highest, t, normal) || t[0] >= highest || t[1] <= lowest)
         return 0;
-    NcDexelEnd from, to;
+    /* An end outside of all material makes no new one. */
+    NcDexelEnd from = {.depth = INT32_MIN}, to = {.depth = INT32_MAX};
     int32_t middle = 0;
-    make_end(ray, body, chord, t[0], normal[0], true, &from);
-    make_end(ray, body, chord, t[1], normal[1], false, &to);
+    if (t[0] > lowest)
+        make_end(ray, body, chord, t[0], normal[0], true, &from);
+    if (t[1] < highest)
+        make_end(ray, body, chord, t[1], normal[1], false, &to);
     double length = take_out(ray, from, to, &middle);
     *middle_mm = nc_dexel_mm(ray->stock, ray->axis, middle);
     return length;

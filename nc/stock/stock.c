@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* The stock before the first cut: a box, a cylinder. */
 #include "nc/stock/fill.h"
-#include "nc/stock/sweep.h"
+#include "nc/stock/sweep_axis.h"
 
 static bool check_size(SegVec3 min, SegVec3 max, GError **error)
 {

@@ -47,13 +47,6 @@ bool nc_swept_interval(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 origin,
     return query.t[0] <= query.t[1];
 }
 
-bool nc_swept_contains(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 point)
-{
-    double t0, t1;
-    return nc_swept_interval(body, a, b, point, seg_vec3(1, 0, 0), &t0, &t1, NULL) && t0 <= 0 &&
-           t1 >= 0;
-}
-
 static void take(Query *query, double t, SegVec3 normal)
 {
     if (t < query->t[0]) {

@@ -23,8 +23,4 @@
 bool nc_swept_interval(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 origin, SegVec3 direction,
                        double *t0, double *t1, SegVec3 normals[2]);
 
-/* Whether a point lies in the swept volume; decided by nc_swept_interval on the line through it
- * parallel to X, so that all who ask get one answer. */
-bool nc_swept_contains(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 point);
-
 #endif

@@ -21,6 +21,12 @@ static void take(Ends *ends, int side, double t, SegVec3 normal)
     }
 }
 
+/* Without the care for NaN that keeps fmin and fmax from being one instruction. */
+static double greater(double a, double b)
+{
+    return a > b ? a : b;
+}
+
 static double clamp(double s, double from, double to)
 {
     return s < from ? from : s > to ? to : s;
@@ -43,7 +49,7 @@ static bool sphere_end(const Passing *p, double radius, int side, double *w, dou
     if (square == 0) {
         double rest = radius * radius - p->eu * p->eu - p->ev * p->ev;
         *s = p->dw * sense > 0;
-        *w = *s * p->dw + sense * sqrt(fmax(rest, 0));
+        *w = *s * p->dw + sense * sqrt(greater(rest, 0));
         return rest >= 0;
     }
     double level = sqrt(square), across = (p->eu * p->dv - p->ev * p->du) / level;
@@ -81,7 +87,7 @@ static bool disc_end(const Level *l, double radius, double growth, double s, dou
 {
     double r = radius + s * growth, off = l->o - s * l->d_o;
     double half = (r - off) * (r + off);
-    *p = s * l->dp + sense * sqrt(fmax(half, 0));
+    *p = s * l->dp + sense * sqrt(greater(half, 0));
     return half >= 0 && r >= 0;
 }
 
@@ -91,7 +97,7 @@ static bool discs_end(const Level *l, double radius, double growth, double s0, d
                       double *p, double *s)
 {
     double square = l->dp * l->dp + l->d_o * l->d_o, sense = side ? 1 : -1;
-    double root = sqrt(fmax(square - growth * growth, 0));
+    double root = sqrt(greater(square - growth * growth, 0));
     /* The two lines that touch all discs, m·(p, o) = radius; m·d = -growth. */
     for (int k = 0; k < 2 && root != 0; k++, root = -root) {
         double mp = (root * l->d_o - growth * l->dp) / square;
@@ -118,7 +124,7 @@ static bool discs_end(const Level *l, double radius, double growth, double s0, d
 /* Outward normal where the ray leaves the disc at s. */
 static SegVec3 disc_normal(const Level *l, double p, double s, double slope)
 {
-    double np = p - s * l->dp, no = l->o - s * l->d_o, r = hypot(np, no);
+    double np = p - s * l->dp, no = l->o - s * l->d_o, r = sqrt(np * np + no * no);
     if (r == 0)
         return seg_vec3(0, 0, -1);
     double scale = 1 / (r * sqrt(1 + slope * slope));
@@ -141,8 +147,8 @@ static void level_frustum(const Level *l, const NcFrustum *f, Ends *ends)
             return;
     } else {
         double low = (l->z - f->z0) / l->dz, high = (l->z - f->z1) / l->dz;
-        s0 = fmax(fmin(low, high), 0);
-        s1 = fmin(fmax(low, high), 1);
+        s0 = greater(low < high ? low : high, 0);
+        s1 = clamp(greater(low, high), -1, 1);
         if (s0 > s1)
             return;
     }
@@ -213,6 +219,13 @@ bool nc_swept_level(const NcBody *body, SegVec3 a, SegVec3 b, int axis, SegVec3 
     return ends.t[0] <= ends.t[1];
 }
 
+bool nc_swept_contains(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 point)
+{
+    double t[2];
+    SegVec3 normals[2];
+    return nc_swept_level(body, a, b, 0, point, t, normals) && t[0] <= point.x && point.x <= t[1];
+}
+
 /* ------------------------------------------------------------------------- Z rays */
 
 /* The stretch of the way on which (x, y) is within `radius` of the axis. */
@@ -229,8 +242,8 @@ static bool within(const Passing *p, double radius, double s[2])
     if (rest < 0)
         return false;
     double middle = (p->eu * p->du + p->ev * p->dv) / level, half = sqrt(rest);
-    s[0] = fmax((middle - half) / level, 0);
-    s[1] = fmin((middle + half) / level, 1);
+    s[0] = greater((middle - half) / level, 0);
+    s[1] = clamp((middle + half) / level, -1, 1);
     return s[0] <= s[1];
 }
 
@@ -276,7 +289,7 @@ static void floor_cone(const Passing *p, const NcFrustum *f, Ends *ends)
             tries[n++] = at;
     }
     for (int i = 0; i < n; i++) {
-        double x = p->eu - tries[i] * p->du, y = p->ev - tries[i] * p->dv, r = hypot(x, y);
+        double x = p->eu - tries[i] * p->du, y = p->ev - tries[i] * p->dv, r = sqrt(x * x + y * y);
         if (r < f->r0 || r > f->r1 || r == 0)
             continue;
         double scale = 1 / sqrt(1 + slope * slope);
@@ -299,8 +312,8 @@ static void floor_torus(const Passing *p, const NcRoundedDisc *d, Ends *ends)
 {
     double square = p->du * p->du + p->dv * p->dv;
     double s = square > 0 ? clamp((p->eu * p->du + p->ev * p->dv) / square, 0, 1) : 0;
-    double x = p->eu - s * p->du, y = p->ev - s * p->dv, r = hypot(x, y);
-    double out = fmax(r - d->disc, 0), rest = (d->round - out) * (d->round + out);
+    double x = p->eu - s * p->du, y = p->ev - s * p->dv, r = sqrt(x * x + y * y);
+    double out = greater(r - d->disc, 0), rest = (d->round - out) * (d->round + out);
     if (rest < 0)
         return;
     double down = sqrt(rest), lean = r > 0 ? out / (r * d->round) : 0;

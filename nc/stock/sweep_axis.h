@@ -18,4 +18,8 @@ bool nc_swept_level(const NcBody *body, SegVec3 a, SegVec3 b, int axis, SegVec3 
 bool nc_swept_floor(const NcBody *body, SegVec3 a, SegVec3 b, double x, double y, double *z,
                     SegVec3 *normal);
 
+/* Whether a point lies in the swept volume; decided by nc_swept_level on the line through it along
+ * X, so that all who ask get one answer. */
+bool nc_swept_contains(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 point);
+
 #endif

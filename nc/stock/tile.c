@@ -148,36 +148,19 @@ static uint64_t choose_chords(const Tile *tile)
 
 /* ---------------------------------------------------------------------- one ray */
 
-/* How much of the ray's material lies in each lane's interval, at most. */
-static void overlaps(const Tile *tile, const float *low, const float *high, float *overlap)
+/* How much of the ray's material lies in each lane's interval, at most: of one segment. */
+static void find_overlaps(const Tile *tile, const float *low, const float *high, float *overlap)
 {
     const NcRay *ray = &tile->ray;
     const NcDexelEnd *ends = ray->tile->ends;
     double origin = coordinate(tile->lanes.origin, ray->axis);
-    int n = (tile->lanes.n + NC_LANES - 1) / NC_LANES * NC_LANES;
-    for (int i = 0; i < n; i++)
+    for (int i = 0; i < NC_GROUP; i++)
         overlap[i] = 0;
-    for (uint32_t k = ray->tile->first[ray->ray]; k < ray->tile->first[ray->ray + 1]; k += 2) {
-        float in = (float)(nc_dexel_mm(ray->stock, ray->axis, ends[k].depth) - origin);
-        float out = (float)(nc_dexel_mm(ray->stock, ray->axis, ends[k + 1].depth) - origin);
-        in -= tile->lanes.margin;
-        out += tile->lanes.margin;
-#pragma omp simd
-        for (int i = 0; i < n; i++) {
-            float from = low[i] > in ? low[i] : in, to = high[i] < out ? high[i] : out;
-            float length = to - from;
-            overlap[i] = length > overlap[i] ? length : overlap[i];
-        }
-    }
-}
-
-static int longest(const float *overlap, int n)
-{
-    int best = 0;
-    for (int i = 1; i < n; i++)
-        if (overlap[i] > overlap[best])
-            best = i;
-    return best;
+    for (uint32_t k = ray->tile->first[ray->ray]; k < ray->tile->first[ray->ray + 1]; k += 2)
+        nc_lanes_overlap(&tile->lanes, low, high,
+                         (float)(nc_dexel_mm(ray->stock, ray->axis, ends[k].depth) - origin),
+                         (float)(nc_dexel_mm(ray->stock, ray->axis, ends[k + 1].depth) - origin),
+                         overlap);
 }
 
 /* The chord that seems to take most goes first, and most others find nothing left. */
@@ -189,9 +172,9 @@ static void cut_freely(Tile *tile, float u, float v)
     double middle;
     nc_lanes_bounds(&tile->lanes, body, u, v, low, high);
     for (;;) {
-        overlaps(tile, low, high, overlap);
-        int i = longest(overlap, tile->lanes.n);
-        if (!(overlap[i] > 0))
+        find_overlaps(tile, low, high, overlap);
+        int i = nc_lanes_longest(&tile->lanes, overlap);
+        if (i < 0)
             return;
         nc_ray_subtract(&tile->ray, body, &group->chords[tile->lanes.chord[i]], &middle);
         low[i] = INFINITY;
@@ -227,7 +210,7 @@ static void cut_in_order(Tile *tile, float u, float v)
     for (int k = 0; k < NC_N_PARTS; k++)
         if (tile->group->meets[k]) {
             nc_lanes_bounds(&tile->lanes, &group->cutter->part[k], u, v, low[k], high[k]);
-            overlaps(tile, low[k], high[k], overlap[k]);
+            find_overlaps(tile, low[k], high[k], overlap[k]);
         }
     for (int i = 0; i < tile->lanes.n; i++)
         for (int k = 0; k < NC_N_PARTS; k++) {
