@@ -236,7 +236,8 @@ static bool is_arc(int code)
     return code == 20 || code == 30;
 }
 
-bool nc_block_keeps_axes(const NcBlock *block)
+/* Whether axis words say something else than where to move. */
+static bool keeps_axes(const NcBlock *block)
 {
     int code = block->by.g[NC_G_NON_MODAL];
     return code == 100 || code == 280 || code == 300 || code == 520 || code == 920 ||
@@ -259,7 +260,7 @@ static bool check_axis_codes(const NcBlock *block, uint32_t line, GError **error
         return nc_word_error(error, line, word, "cannot stand with %.*s in one block", user->length,
                              user->text);
     }
-    return nc_block_keeps_axes(block) || !axis ||
+    return keeps_axes(block) || !axis ||
            nc_word_error(error, line, axis, "has no use with %.*s", user->length, user->text);
 }
 
@@ -268,7 +269,7 @@ static bool find_motion(NcBlock *block, const NcModal *modal, GError **error)
 {
     bool word = block->by.g_word[NC_G_MOTION] > 0, cancel = block->by.g_word[NC_G_CANCEL] > 0;
     block->motion = block->by.g[NC_G_MOTION];
-    if (block->by.some_g && (nc_block_keeps_axes(block) || !uses_axes(block->by.g[NC_G_NON_MODAL])))
+    if (block->by.some_g && (keeps_axes(block) || !uses_axes(block->by.g[NC_G_NON_MODAL])))
         return check_axis_codes(block, modal->line, error);
     if (word)
         return true;

@@ -47,8 +47,12 @@ bool nc_execute(NcExecution *x, GError **error)
 static double spindle_rpm(const NcExecution *x, SegVec3 place)
 {
     const NcModal *modal = &x->modal;
-    if (modal->surface_mm_min == 0.0 || modal->spindle == 0)
+    if (modal->spindle == 0)
+        return 0.0;
+    if (!modal->surface_speed)
         return modal->spindle * modal->speed_rpm;
+    if (modal->surface_mm_min == 0.0)
+        return 0.0;
     const double radius = fabs(place.x - nc_program_shift(x).x);
     const double most = MIN(modal->speed_rpm, x->machine->spindle_max_rpm);
     const double rpm = modal->surface_mm_min / (2.0 * G_PI * radius);
@@ -135,9 +139,9 @@ static void set_speed(NcModal *modal, const NcBlock *block)
     const int code = block->by.g[NC_G_SPINDLE];
     if (s)
         modal->speed = s->value;
-    const bool surface = code == 960 || (code < 0 && modal->surface_mm_min > 0.0);
-    if (!surface) {
-        modal->surface_mm_min = 0.0;
+    if (code >= 0)
+        modal->surface_speed = code == 960;
+    if (!modal->surface_speed) {
         modal->speed_rpm = modal->speed;
         return;
     }
@@ -317,7 +321,7 @@ static void end(NcExecution *x)
     modal->incremental = false;
     modal->motion = 10;
     modal->feed_override_off = modal->spindle_override_off = false;
-    modal->surface_mm_min = 0.0;
+    modal->surface_speed = false;
     modal->speed_rpm = modal->speed;
     if (modal->spindle != 0) {
         modal->spindle = 0;

@@ -127,7 +127,7 @@ typedef struct {
     double feed_mm;        /* the F word; of no use with G93 */
     double feed_deg;       /* the same where only A, B, C move */
     double speed_rpm;      /* the S word; with G96 the largest */
-    double surface_mm_min; /* the S word with G96; 0: G97 */
+    double surface_mm_min; /* the S word with G96 */
     double speed;          /* the S word as it was written */
     double tolerance_mm;
     NcFeedMode feed_mode;
@@ -138,6 +138,7 @@ typedef struct {
     int tool, selected_tool;
     bool retract_r; /* G99 */
     bool incremental, arc_absolute, exact_stop, mist, flood;
+    bool surface_speed; /* G96 */
     bool feed_override_off, spindle_override_off, adaptive_feed;
     bool begun, percent_open, ended;
     int32_t region;
@@ -208,7 +209,6 @@ void nc_select_work(NcExecution *execution, int wcs);
 
 /* Carries out the motion of the block, and G28, G30. */
 bool nc_travel(NcExecution *execution, GError **error);
-void nc_go_home(NcExecution *execution, int parameter);
 
 /* Refuses what has no place between G41 and G40; and carries these out. */
 bool nc_check_compensated(const NcExecution *execution, GError **error);
@@ -219,9 +219,6 @@ bool nc_compensate(NcExecution *execution, GError **error);
 
 /* Carries out the canned cycle of the block over the place that its axis words name. */
 bool nc_run_cycle(NcExecution *execution, SegVec3 target, GError **error);
-
-/* Whether axis words of the block say something else than where to move. */
-bool nc_block_keeps_axes(const NcBlock *block);
 
 /* Machine coordinates of the gauge point minus program coordinates. */
 SegVec3 nc_program_shift(const NcExecution *execution);

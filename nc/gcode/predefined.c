@@ -162,9 +162,9 @@ static double meaning_of(const NcExecution *x, Meaning meaning)
     case OF_RETRACT_OLD:
         return !modal->retract_r;
     case OF_CONSTANT_RPM:
-        return modal->surface_mm_min == 0.0;
+        return !modal->surface_speed;
     case OF_CONSTANT_SURFACE:
-        return modal->surface_mm_min > 0.0;
+        return modal->surface_speed;
     case OF_SPEED_OVERRIDE:
         return !modal->spindle_override_off;
     case OF_FEED_OVERRIDE:

@@ -8,6 +8,7 @@
 
 static bool check_rotary(const NcExecution *x, GError **error);
 static bool check_feed(const NcExecution *x, GError **error);
+static void go_home(NcExecution *x, int parameter);
 static void straight(NcExecution *x, NcMoveKind kind, bool machine_coordinates);
 static bool arc(NcExecution *x, const NcPlace *to, GError **error);
 static bool probe(NcExecution *x, const NcPlace *to, GError **error);
@@ -21,7 +22,7 @@ bool nc_travel(NcExecution *x, GError **error)
     if (!check_rotary(x, error))
         return false;
     if (code == 280 || code == 300)
-        nc_go_home(x, home);
+        go_home(x, home);
     else if (code == 281 || code == 301)
         nc_set_parameters_place(x, home, (NcPlace){x->modal.position, x->modal.position_deg});
     if (motion < 0 || (motion > 0 && !check_feed(x, error)))
@@ -146,6 +147,18 @@ static bool moves_mm(const NcMove *move)
     return move->kind == NC_MOVE_ARC || seg_distance(move->from, move->to) > 0.0;
 }
 
+/* In mm, or in degrees; of an arc, as LinuxCNC has it, by the radius where it begins. */
+static double length_of(const NcMove *move, bool mm)
+{
+    const double *a = move->from_deg, *b = move->to_deg;
+    if (move->kind == NC_MOVE_ARC) {
+        const NcArc arc = nc_arc(move);
+        return hypot(arc.radius_from_mm * arc.sweep_rad, arc.rise_mm);
+    }
+    return mm ? seg_distance(move->from, move->to)
+              : hypot(hypot(b[0] - a[0], b[1] - a[1]), b[2] - a[2]);
+}
+
 /* F counts along X, Y, Z; in degrees where only A, B, C move [LinuxCNC 2.9, "Feed Rate"]; with G93
  * it says how often in a minute the move could be made. */
 static void set_feed(const NcExecution *x, NcMove *move)
@@ -155,12 +168,8 @@ static void set_feed(const NcExecution *x, NcMove *move)
     const double *a = move->from_deg, *b = move->to_deg;
     const bool turns = a[0] != b[0] || a[1] != b[1] || a[2] != b[2];
     if (modal->feed_mode == NC_FEED_INVERSE) {
-        const double length =
-            mm ? nc_move_length_mm(move)
-               : sqrt((b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1]) +
-                      (b[2] - a[2]) * (b[2] - a[2]));
         const double least = LEAST_INVERSE_FEED * (mm || !turns ? modal->unit_mm : 1.0);
-        move->feed_mm_min = MAX(length * nc_word(x->block, 'F')->value, least);
+        move->feed_mm_min = MAX(length_of(move, mm) * nc_word(x->block, 'F')->value, least);
     } else if (turns && !mm) {
         move->feed_mm_min = modal->feed_deg;
         if (modal->feed_mode == NC_FEED_A_TURN)
@@ -171,7 +180,7 @@ static void set_feed(const NcExecution *x, NcMove *move)
 /* What depends on where the move leads. */
 static void set_speeds(const NcExecution *x, NcMove *move)
 {
-    if (x->modal.surface_mm_min > 0.0)
+    if (x->modal.surface_speed)
         nc_move_speeds(x, move);
     if (move->kind != NC_MOVE_RAPID &&
         (x->modal.feed_mode == NC_FEED_INVERSE || (x->block->by.letters & NC_ROTARY_AXES)))
@@ -205,7 +214,7 @@ static bool arc(NcExecution *x, const NcPlace *to, GError **error)
 
 /* G28 and G30: by way of the point named, then home with the axes named; with all where none is.
  * LinuxCNC goes to that point even where none is named, so two moves it always is. */
-void nc_go_home(NcExecution *x, int parameter)
+static void go_home(NcExecution *x, int parameter)
 {
     const bool some = x->block->by.letters & NC_AXES;
     NcPlace place = nc_parameters_place(x, parameter), home;

@@ -199,7 +199,11 @@ static void surface_speed(void)
     const CfgMachine machine = new_machine();
     g_autoptr(NcInterpreter) interpreter = nc_interpreter_new(&machine, gcode_tools());
     g_autoptr(GArray) moves = g_array_new(FALSE, FALSE, sizeof(NcMove));
-    g_autoptr(GError) error = run(interpreter, "M3 G96 S60 D2500\nG0 X20", moves);
+    g_autoptr(GError) off = run(interpreter, "G96 S60\nG0 X5\nM3 G96 S0\nX6", moves);
+    g_assert_no_error(off);
+    for (guint i = 0; i < moves->len; i++)
+        g_assert_cmpfloat(g_array_index(moves, NcMove, i).spindle_rpm, ==, 0.0);
+    g_autoptr(GError) error = run(interpreter, "G96 S60 D2500\nG0 X20", moves);
     g_assert_no_error(error);
     test_near(last_of(moves)->spindle_rpm, 60e3 / (2.0 * G_PI * 20.0), 1e-9, 0);
     error = run(interpreter, "X0.1", moves);
