@@ -170,7 +170,7 @@ static void set_feed(const NcExecution *x, NcMove *move)
     if (modal->feed_mode == NC_FEED_INVERSE) {
         const double least = LEAST_INVERSE_FEED * (mm || !turns ? modal->unit_mm : 1.0);
         move->feed_mm_min = MAX(length_of(move, mm) * nc_word(x->block, 'F')->value, least);
-    } else if (turns && !mm) {
+    } else if (turns && !mm && !x->compensation->away) {
         move->feed_mm_min = modal->feed_deg;
         if (modal->feed_mode == NC_FEED_A_TURN)
             move->feed_mm_min *= fabs(move->spindle_rpm);
