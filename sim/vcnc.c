@@ -155,8 +155,8 @@ static gboolean quit(void *data)
 /* Until the power is on for the last time. */
 static int run(Program *program, SimMachineOptions *how, GError **error)
 {
-    g_autoptr(GMainLoop) loop = program->loop = g_main_loop_new(NULL, FALSE);
     bool good;
+    program->loop = g_main_loop_new(NULL, FALSE);
     program->input = g_string_new(NULL);
     const guint sources[] = {
         g_unix_signal_add(SIGTERM, quit, program), g_unix_signal_add(SIGINT, quit, program),
@@ -174,6 +174,7 @@ static int run(Program *program, SimMachineOptions *how, GError **error)
         if (g_main_context_find_source_by_id(NULL, sources[i]))
             g_source_remove(sources[i]);
     g_string_free(program->input, TRUE);
+    g_main_loop_unref(program->loop);
     if (!good)
         return exit_of(*error);
     return program->ended_us > 0 && program->bad > 0 ? EXIT_FAILED : EXIT_DONE;
