@@ -98,7 +98,8 @@ static bool finish_move(SimController *c, GArray *actions)
     const SimProgram *section = c->drive.program;
     const NcMove *move = &section->moves[c->drive.move - 1];
     sim_course_add(c->options.course, c->drive.program, c->drive.move - 1, 1);
-    c->tool = move->kind == NC_MOVE_TOOL_CHANGE ? move->tool : c->tool;
+    if (move->kind == NC_MOVE_TOOL_CHANGE || move->kind == NC_MOVE_TOOL_NUMBER)
+        c->tool = move->tool;
     if (c->approaching) {
         finish_block(c, SIM_WAY, move, actions);
         return true;
