@@ -120,8 +120,9 @@ SegTspline *seg_tspline_refine(const SegTspline *tspline, const SegTline *lines,
 
 /*
  * Reads a T-spline, told by content: .tspl, ours (docs/tspl.md); point lists with knot vectors and
- * neighbours (.cfg); OpenTspline's binary form (.tsp). Of the others what is bicubic and one patch
- * is read, and the message names what is not. SEG_ERROR_INPUT with file and line; SEG_ERROR_IO.
+ * neighbours (.cfg); OpenTspline's binary form (.tsp); T-Splines for Rhino (.tsm). Of the others
+ * what is bicubic and one patch is read, and the message names what is not. SEG_ERROR_INPUT with
+ * file and line; SEG_ERROR_IO.
  */
 SegTspline *seg_tspline_load(const char *path, GError **error);
 

@@ -37,6 +37,8 @@ SegTspline *seg_tspline_from_bytes(const void *memory, size_t length, const char
     const char *bytes = memory;
     if (length >= 4 && memcmp(bytes, "tspl", 4) == 0)
         return read_tspl(bytes, length, name, error);
+    if (length >= 3 && memcmp(bytes, "#TS", 3) == 0)
+        return seg_read_tspline_tsm(bytes, length, name, error);
     if (memchr(bytes, '\0', MIN(length, 64)))
         return seg_read_tspline_tsp(bytes, length, name, error);
     if (length > 0 && g_ascii_isdigit(bytes[0]))

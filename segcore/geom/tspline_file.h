@@ -29,5 +29,7 @@ SegTspline *seg_read_tspline_cfg(const char *bytes, size_t length, const char *n
                                  GError **error);
 SegTspline *seg_read_tspline_tsp(const char *bytes, size_t length, const char *name,
                                  GError **error);
+SegTspline *seg_read_tspline_tsm(const char *bytes, size_t length, const char *name,
+                                 GError **error);
 
 #endif

@@ -123,6 +123,85 @@ static void test_point_lists(void)
     expect(apart, "not closed");
 }
 
+/* T-Splines' own form: two parametrised rectangles are read whole, a surface with corners that go
+ * in is refused by name. */
+static void test_tsm(void)
+{
+    g_autofree char *simple = test_data("tspline/simple.tsm"), *fan = test_data("tspline/fan.tsm");
+    g_autofree char *mouse = test_data("tspline/mouse.tsm");
+    if (!simple || !fan || !mouse)
+        return;
+    g_autoptr(GError) error = NULL;
+    g_autoptr(SegTspline) s = seg_tspline_load(simple, &error);
+    g_assert_no_error(error);
+    g_autoptr(SegTspline) f = seg_tspline_load(fan, &error);
+    g_assert_no_error(error);
+    g_assert_null(seg_tspline_load(mouse, &error));
+    g_assert_error(error, SEG_ERROR, SEG_ERROR_INPUT);
+    g_assert_true(error && strstr(error->message, "not rectangular"));
+    if (!s || !f)
+        return;
+    g_assert_cmpint(s->n_points, ==, 23); /* every one in the file */
+    g_assert_cmpint(f->n_points, ==, 81);
+
+    /* 30 × 30 mm over [0, 1] × [0, 1], its points at the Greville abscissae: y is 30 v, and x is 30
+     * u where no row that lacks a point reaches. Corners are at their points. */
+    const double u[] = {0, 0.1, 0.25, 0.5, 0.9, 1}, v[] = {0, 0.2, 0.5, 0.6, 0.8, 1};
+    g_autoptr(SegSurfaceBatch) b = seg_surface_batch_new(36, SEG_POSITIONS);
+    seg_tspline_grid(s, u, 6, v, 6, b);
+    for (size_t i = 0; i < 36; i++) {
+        test_near(b->position[1][i], 30 * v[i % 6], 1e-12, 0);
+        if (i % 6 == 0)
+            test_near(b->position[0][i], 30 * u[i / 6], 1e-12, 0);
+    }
+    test_near(b->position[2][0], -3.4626040428907068, 1e-12, 0);
+    test_near(b->position[2][5], -3.5023978266846547, 1e-12, 0);
+    test_near(b->position[2][30], -3.49483566732731, 1e-12, 0);
+    test_near(b->position[2][35], -2.3707438010214226, 1e-12, 0);
+}
+
+/* One face of four vertices, and what is wrong with it after one replacement. */
+static void expect_tsm(const char *old, const char *new, const char *message)
+{
+    g_autofree char *text = NULL;
+    g_assert_true(g_file_get_contents("tests/fuzz/corpus/tspl/face.tsm", &text, NULL, NULL));
+    g_autoptr(GString) changed = g_string_new(text);
+    g_assert_cmpuint(g_string_replace(changed, old, new, 1), ==, 1);
+    if (message) {
+        expect(changed->str, message);
+        return;
+    }
+    g_autoptr(GError) error = NULL;
+    g_autoptr(SegTspline) t =
+        seg_tspline_from_bytes(changed->str, changed->len, "face.tsm", &error);
+    g_assert_no_error(error);
+    g_assert_cmpint(t ? t->n_points : 0, ==, 16);
+}
+
+static void test_tsm_refused(void)
+{
+    expect_tsm("degree 3", "degree 3", NULL);
+    expect_tsm("degree 3", "degree 2", "a.tspl:2: degree 2");
+    expect_tsm("millimeters", "inches", "units");
+    expect_tsm("conditions 1", "conditions 0", "end conditions");
+    expect_tsm("ec 1 0", "ec 1 3", "creases");
+    expect_tsm("e 1 1", "e 1 0", "knot interval");
+    expect_tsm("e 1 1", "e 1 2", "do not add up");
+    expect_tsm("v 1 NORTH", "v 1 UP", "a direction");
+    expect_tsm("v 1 NORTH", "v 2 NORTH", "does not leave it");
+    expect_tsm("l 3 1 4 0 0 0 0", "l 3 1 4 0 0 0", "seven whole numbers");
+    expect_tsm("l 3 1 4 0 0 0 0", "l 3 2 4 0 0 0 0", "not closed");
+    expect_tsm("l 3 1 4 0 0 0 0", "l 3 1 4 0 0 0 1", "extraordinary");
+    expect_tsm("l 3 1 4 0 0 0 0", "l", "not there");
+    expect_tsm("l 5 7 0 1 -1 0 2", "l 5 7 0 1 -1 0 0", "turns inwards");
+    expect_tsm("l 5 7 0 1 -1 0 2", "l 5 7 0 1 -1 0 1", "3 corners");
+    expect_tsm("0m cg 0 4 1", "0m cg 0 5 1", "extraordinary");
+    expect_tsm("0m cg 0 4 1", "0m cg 9 4 1", "not known");
+    expect_tsm("0g 0 0 0 1", "0g 0 0 0 2", "weight of 2");
+    expect_tsm("0g 0 0 0 1", "0g 0 0 0", "four numbers");
+    expect_tsm("0g 0 0 0 1", "0g", "deleted");
+}
+
 static void test_cut_binary(void)
 {
     g_autofree char *path = test_data("tspline/opentspline_tmesh.tsp"), *bytes = NULL;
@@ -159,6 +238,8 @@ static void add(void)
     g_test_add_func("/segcore/tspline_file/round_trip", test_round_trip);
     g_test_add_func("/segcore/tspline_file/refused", test_refused);
     g_test_add_func("/segcore/tspline_file/point_lists", test_point_lists);
+    g_test_add_func("/segcore/tspline_file/tsm", test_tsm);
+    g_test_add_func("/segcore/tspline_file/tsm_refused", test_tsm_refused);
     g_test_add_func("/segcore/tspline_file/cut_binary", test_cut_binary);
     g_test_add_func("/segcore/tspline_file/no_file", test_no_file);
 }
