@@ -16,6 +16,11 @@
  */
 typedef struct NcStock NcStock;
 
+/*
+ * Memory: for each of the grid's three faces, in tiles of 8 x 8 rays, 280 bytes a tile and 24 bytes
+ * a segment; a stock begins with one segment a ray, and pockets and walls across a ray add to them.
+ * What a stock begins with is checked before it is allocated, the rest after every 16384 moves.
+ */
 typedef struct {
     double pitch_mm;       /* of the grid */
     uint64_t memory_bytes; /* a stock that would need more is refused */
@@ -24,7 +29,8 @@ typedef struct {
 /* 0.1 mm, 2 GiB. */
 #define NC_STOCK_DEFAULTS ((NcStockOptions){0.1, 2ull << 30})
 
-/* Errors: NC_ERROR_PLAN for a body without volume or a pitch that the memory does not allow. */
+/* Errors: NC_ERROR_PLAN for a body without volume or a pitch that the memory does not allow, with
+ * what is needed and what is allowed. */
 NcStock *nc_stock_new_box(SegVec3 min, SegVec3 max, const NcStockOptions *options, GError **error);
 /* Upright: its axis is parallel to Z, `base` the centre of its lower face. */
 NcStock *nc_stock_new_cylinder(SegVec3 base, double diameter_mm, double height_mm,
@@ -40,6 +46,8 @@ NcStock *nc_stock_copy(const NcStock *stock);
 void nc_stock_free(NcStock *stock);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcStock, nc_stock_free)
 
+/* The mean of what the rays of X, Y and Z count; each is off by at most the surface's area times
+ * the pitch. */
 double nc_stock_volume_mm3(const NcStock *stock);
 uint64_t nc_stock_memory_bytes(const NcStock *stock);
 
@@ -56,15 +64,27 @@ typedef struct {
     NcCollisionKind kind;
     uint32_t line;    /* of the block */
     SegVec3 position; /* where it is deepest, workpiece coordinates */
-    double depth_mm;  /* how far it goes into the material */
+    double
+        depth_mm; /* how far it goes into the material, along X, Y or Z: the least of the three */
 } NcCollision;
 
 /*
  * Removes what the moves sweep, in their order, and appends the NcCollisions met on the way (may be
- * NULL) one a kind and block, by line. `zero` is the work zero in machine coordinates of the gauge
- * point, `tools` give shapes and lengths. May be called again with the moves that follow. The
- * result does not depend on the number of threads. Errors: NC_ERROR_PROGRAM, with the line, for a
- * tool that the table does not have and for cutting with a rotary axis away from zero.
+ * NULL) one a kind and line, by line. G0 to G3 with a tool in the spindle sweep; a tool is its
+ * cutting part, its shank and its holder (shapes: docs/stock.md), and each removes what it meets,
+ * so that an accident is reported where it happens and not again by what follows. A touch no deeper
+ * than 0.001 mm is none.
+ *
+ * Where a surface crosses a ray it is found to 1e-9 mm square to it, and kept as a whole number of
+ * 2^-29 of the stock's longest side or less (of 100 mm: 1e-7 mm). Arcs and helices are cut as
+ * chords that lie within 1e-4 mm of them. What no ray meets is not seen: walls and pins thinner
+ * than the pitch.
+ *
+ * `zero` is the work zero in machine coordinates of the gauge point, `tools` give shapes and
+ * lengths. May be called again with the moves that follow. The result does not depend on the number
+ * of threads. Errors: NC_ERROR_PROGRAM, with the line, for a tool that the table does not have and
+ * for moves with a rotary axis away from zero: nothing is cut then. NC_ERROR_PLAN where the rest
+ * needs more memory than the stock may have: it is cut up to some block.
  */
 bool nc_stock_cut(NcStock *stock, const NcMove *moves, size_t n, SegVec3 zero,
                   const CfgToolTable *tools, GArray *collisions, GError **error);

@@ -25,7 +25,7 @@ static void clear(NcLanes *lanes, int from)
     }
 }
 
-void nc_lanes_load(NcLanes *lanes, const NcGroup *group, int axis)
+void nc_lanes_load(NcLanes *lanes, const NcGroup *group, const bool meets[NC_N_PARTS], int axis)
 {
     int u = (axis + 1) % 3, v = (axis + 2) % 3;
     double extent = 0;
@@ -53,12 +53,11 @@ void nc_lanes_load(NcLanes *lanes, const NcGroup *group, int axis)
         lanes->chord[i] = i;
         extent = fmax(extent, seg_norm(a) + length);
     }
-    double radius = 0, top = 0;
-    for (int k = 0; k < NC_N_PARTS; k++) {
-        radius = fmax(radius, group->cutter->part[k].radius);
-        top = fmax(top, group->cutter->part[k].top);
-    }
-    lanes->margin = (float)(2e-6 * (extent + radius + top) + 1e-6);
+    double reach = 0;
+    for (int k = 0; k < NC_N_PARTS; k++)
+        if (meets[k])
+            reach = fmax(reach, group->cutter->part[k].radius + group->cutter->part[k].top);
+    lanes->margin = (float)(5e-7 * (extent + reach) + 1e-6);
     clear(lanes, group->n);
 }
 
@@ -133,11 +132,13 @@ CLONES static void add_sphere(const NcLanes *lanes, float radius, float u, float
 
 /* Z rays: the profile's height at the least distance from the way, over its lowest point. */
 CLONES static void add_upright(const NcLanes *lanes, const NcBody *body, float u, float v,
-                               float *low, float *high)
+                               float half, float *low, float *high)
 {
     const NcRoundedDisc *d = &body->rounded;
-    float round = d->disc > 0 ? (float)d->round : -1, disc = (float)d->disc;
+    bool whole = d->round > 0 && (d->disc > 0 || half > 0); /* else the sphere is dealt with */
+    float round = whole ? (float)d->round : -1, disc = (float)d->disc;
     float centre = (float)d->centre, top = (float)body->top, margin = lanes->margin;
+    float reach = margin + half * (float)G_SQRT2;
     float z0[2], r0[2], r1[2], steep[2];
     for (int k = 0; k < 2; k++) {
         const NcFrustum *f = &body->frustum[k];
@@ -154,7 +155,7 @@ CLONES static void add_upright(const NcLanes *lanes, const NcBody *body, float u
         float along = eu * lanes->tu[i] + ev * lanes->tv[i];
         float across = eu * lanes->tv[i] - ev * lanes->tu[i];
         float beyond = along - least(most(along, 0), lanes->level[i]);
-        float distance = most(sqrtf(beyond * beyond + across * across) - margin, 0);
+        float distance = most(sqrtf(beyond * beyond + across * across) - reach, 0);
         float bottom = lanes->w[i] + least(lanes->dw[i], 0) - margin;
         float outside = most(distance - disc, 0);
         float arc = bottom + centre - sqrtf(most(round * round - outside * outside, 0));
@@ -172,12 +173,12 @@ CLONES static void add_upright(const NcLanes *lanes, const NcBody *body, float u
 /* X and Y rays: the section of a piece at the ray's height, where the tip is lowest, all along the
  * way. `z` of the ray is u where `z_is_u`, else v. */
 CLONES static void add_level(const NcLanes *lanes, const float piece[7], bool z_is_u, float z,
-                             float other, float *low, float *high)
+                             float other, float half, float *low, float *high)
 {
     const float *zs = z_is_u ? lanes->u : lanes->v, *dzs = z_is_u ? lanes->du : lanes->dv;
     const float *os = z_is_u ? lanes->v : lanes->u, *dos = z_is_u ? lanes->dv : lanes->du;
     float from = piece[0], to = piece[1], base = piece[2], widening = piece[3];
-    float disc = piece[4], round = piece[5], centre = piece[6], margin = lanes->margin;
+    float disc = piece[4], round = piece[5], centre = piece[6], margin = lanes->margin + half;
     int n = padded(lanes);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
@@ -185,21 +186,21 @@ CLONES static void add_level(const NcLanes *lanes, const float piece[7], bool z_
         float height = z - lowest + margin;
         bool meets = (height >= from) & (z - highest - margin <= to);
         float below = most(centre - height, 0);
-        float r = base + widening * least(height - from, to - from) + margin;
-        r = round > 0 ? disc + sqrtf(most(round * round - below * below, 0)) + margin : r;
+        float r = base + widening * least(height - from, to - from) + lanes->margin;
+        r = round > 0 ? disc + sqrtf(most(round * round - below * below, 0)) + lanes->margin : r;
         float before = os[i] + least(dos[i], 0) - other, behind = other - os[i] - most(dos[i], 0);
         float off = most(most(before, behind) - margin, 0), square = r * r - off * off;
-        float half = sqrtf(most(square, 0)) + margin;
-        float l = lanes->w[i] + least(lanes->dw[i], 0) - half;
-        float h = lanes->w[i] + most(lanes->dw[i], 0) + half;
+        float width = sqrtf(most(square, 0)) + lanes->margin;
+        float l = lanes->w[i] + least(lanes->dw[i], 0) - width;
+        float h = lanes->w[i] + most(lanes->dw[i], 0) + width;
         meets = meets & (square >= 0);
         low[i] = least(low[i], meets ? l : INFINITY);
         high[i] = most(high[i], meets ? h : -INFINITY);
     }
 }
 
-static void add_level_pieces(const NcLanes *lanes, const NcBody *body, float u, float v, float *low,
-                             float *high)
+static void add_level_pieces(const NcLanes *lanes, const NcBody *body, float u, float v, float half,
+                             float *low, float *high)
 {
     bool z_is_u = lanes->axis == 1;
     float z = z_is_u ? u : v, other = z_is_u ? v : u;
@@ -208,18 +209,18 @@ static void add_level_pieces(const NcLanes *lanes, const NcBody *body, float u, 
         double widening = (f->r1 - f->r0) / (f->z1 - f->z0);
         add_level(lanes,
                   (float[7]){(float)f->z0, (float)f->z1, (float)f->r0, (float)widening, 0, 0, 0},
-                  z_is_u, z, other, low, high);
+                  z_is_u, z, other, half, low, high);
     }
     const NcRoundedDisc *d = &body->rounded;
-    if (d->round > 0 && d->disc > 0)
+    if (d->round > 0 && (d->disc > 0 || half > 0))
         add_level(lanes,
                   (float[7]){(float)(d->centre - d->round), (float)(d->centre + d->round), 0, 0,
                              (float)d->disc, (float)d->round, (float)d->centre},
-                  z_is_u, z, other, low, high);
+                  z_is_u, z, other, half, low, high);
 }
 
-void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float *low,
-                     float *high)
+void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float half,
+                     float *low, float *high)
 {
     for (int i = 0; i < padded(lanes); i++) {
         low[i] = INFINITY;
@@ -227,13 +228,13 @@ void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v,
     }
     const NcRoundedDisc *d = &body->rounded;
     float centre = (float)d->centre;
-    if (d->round > 0 && d->disc == 0)
+    if (d->round > 0 && d->disc == 0 && half == 0)
         add_sphere(lanes, (float)d->round, lanes->axis == 1 ? u - centre : u,
                    lanes->axis == 0 ? v - centre : v, lanes->axis == 2 ? centre : 0, low, high);
     if (lanes->axis == 2)
-        add_upright(lanes, body, u, v, low, high);
+        add_upright(lanes, body, u, v, half, low, high);
     else
-        add_level_pieces(lanes, body, u, v, low, high);
+        add_level_pieces(lanes, body, u, v, half, low, high);
 }
 
 CLONES void nc_lanes_overlap(const NcLanes *lanes, const float *low, const float *high, float in,

@@ -24,16 +24,18 @@ typedef struct {
     int chord[NC_GROUP];                            /* index in the group */
 } NcLanes;
 
-/* All chords of the group. */
-void nc_lanes_load(NcLanes *lanes, const NcGroup *group, int axis);
+/* All chords of the group, for those parts that count. */
+void nc_lanes_load(NcLanes *lanes, const NcGroup *group, const bool meets[NC_N_PARTS], int axis);
 
 /* Those of `all` whose index is in `chosen`, ascending. */
 void nc_lanes_choose(NcLanes *lanes, const NcLanes *all, uint64_t chosen);
 
-/* For each lane an interval [low, high] of w from the origin's that holds all that `body` sweeps on
- * the ray through (u, v), counted from the origin; empty (low > high) where there is none. */
-void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float *low,
-                     float *high);
+/* For each lane an interval [low, high] of w, counted from the origin's, that holds all that `body`
+ * sweeps on any ray within `half` of (u, v) along u and v; these too are counted from the origin.
+ * Empty (low > high) where there is none. Of a ball on a single ray (half = 0) it is exact but for
+ * rounding. */
+void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float half,
+                     float *low, float *high);
 
 /* For each lane how much of [in, out] its interval covers, kept where `overlap` is more already. */
 void nc_lanes_overlap(const NcLanes *lanes, const float *low, const float *high, float in,

@@ -130,7 +130,7 @@ static size_t prepare(const NcStock *stock, const NcGroup *groups, size_t n, NcP
             any |= p->meets[k];
         }
         for (int axis = 0; axis < 3 && any; axis++)
-            nc_lanes_load(&p->lanes[axis], &groups[i], axis);
+            nc_lanes_load(&p->lanes[axis], &groups[i], p->meets, axis);
         kept += any;
     }
     return kept;

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/stock/tile.h"
 
+#include <string.h>
+
 #include "nc/stock/ray.h"
 
 /* A tile while groups pass over it; coordinates (u, v, w) along its axis's cycle. */
 typedef struct {
     NcRay ray;
-    double u0, v0;           /* of its first ray */
-    double half_u, half_v;   /* of the rectangle its rays fill */
-    double mid_u, mid_v;     /* its middle */
+    double mid_u, mid_v;     /* of the square its rays fill */
+    double half;             /* of its side */
     double lowest, highest;  /* all its material lies between */
     const NcPrepared *group; /* the one at work, with the lanes that can reach the tile */
     NcLanes lanes;
@@ -83,66 +84,44 @@ static bool look_at(Tile *tile, const NcStock *stock, int axis, size_t index)
     tile->highest = nc_dexel_mm(stock, axis, high);
     int32_t u = (int32_t)(index % (size_t)field->n_tiles[0]) * NC_TILE;
     int32_t v = (int32_t)(index / (size_t)field->n_tiles[0]) * NC_TILE;
-    tile->half_u = tile->half_v = (NC_TILE - 1) * stock->pitch_mm / 2;
-    tile->mid_u = nc_dexel_node_mm(stock, (axis + 1) % 3, u) + tile->half_u;
-    tile->mid_v = nc_dexel_node_mm(stock, (axis + 2) % 3, v) + tile->half_v;
+    tile->half = (NC_TILE - 1) * stock->pitch_mm / 2;
+    tile->mid_u = nc_dexel_node_mm(stock, (axis + 1) % 3, u) + tile->half;
+    tile->mid_v = nc_dexel_node_mm(stock, (axis + 2) % 3, v) + tile->half;
     return true;
 }
 
-/* ------------------------------------------------------------ chords over the tile */
-
-static double off_interval(double a, double b, double from, double to)
+/* Is there material on some ray between these places, counted from the lanes' origin? */
+static bool is_occupied(const Tile *tile, double origin, float low, float high)
 {
-    return fmax(fmax(from - fmax(a, b), fmin(a, b) - to), 0);
-}
-
-/* Z rays: is the tile nearer than the radius, and its material higher than the profile there? */
-static bool reaches_upright(const Tile *tile, const NcBody *body, const NcChord *chord)
-{
-    double dx = chord->b.x - chord->a.x, dy = chord->b.y - chord->a.y;
-    double px = tile->mid_u - chord->a.x, py = tile->mid_v - chord->a.y, square = dx * dx + dy * dy;
-    double t = square > 0 ? fmin(fmax((px * dx + py * dy) / square, 0), 1) : 0;
-    double off = hypot(px - t * dx, py - t * dy) - hypot(tile->half_u, tile->half_v);
-    double bottom = fmin(chord->a.z, chord->b.z), top = fmax(chord->a.z, chord->b.z) + body->top;
-    return bottom + nc_body_height_mm(body, fmax(off, 0)) < tile->highest && top > tile->lowest;
-}
-
-/* X and Y rays: is the section at the tile's upper edge wide enough to reach it, and material on
- * it? */
-static bool reaches_level(const Tile *tile, const NcBody *body, const NcChord *chord)
-{
-    int axis = tile->ray.axis, across = 1 - axis;
-    double z = axis == 0 ? tile->mid_v : tile->mid_u, half_z = tile->half_u;
-    double other = axis == 0 ? tile->mid_u : tile->mid_v, half_other = half_z;
-    double bottom = fmin(chord->a.z, chord->b.z), top = fmax(chord->a.z, chord->b.z) + body->top;
-    double r = z - half_z > top ? -1 : nc_body_radius_mm(body, z + half_z - bottom);
-    double off = off_interval(coordinate(chord->a, across), coordinate(chord->b, across),
-                              other - half_other, other + half_other);
-    if (r < off)
-        return false;
-    double a = coordinate(chord->a, axis), b = coordinate(chord->b, axis);
-    double half = sqrt((r - off) * (r + off));
-    double from = fmin(a, b) - half, to = fmax(a, b) + half;
-    if (from >= tile->highest || to <= tile->lowest)
-        return false;
     const NcStock *stock = tile->ray.stock;
-    int first = nc_dexel_part(stock, axis, nc_dexel_depth(stock, axis, from));
-    int last = nc_dexel_part(stock, axis, nc_dexel_depth(stock, axis, to));
+    int axis = tile->ray.axis;
+    int first = nc_dexel_part(stock, axis, nc_dexel_depth(stock, axis, origin + low));
+    int last = nc_dexel_part(stock, axis, nc_dexel_depth(stock, axis, origin + high));
     return tile->ray.tile->occupied & (UINT64_MAX << first) & (UINT64_MAX >> (63 - last));
 }
 
+/* The chords of the group that can reach material of the tile, as bits. */
 static uint64_t choose_chords(const Tile *tile)
 {
-    const NcGroup *group = tile->group->group;
+    const NcLanes *all = &tile->group->lanes[tile->ray.axis];
+    int axis = tile->ray.axis;
+    double origin = coordinate(all->origin, axis);
+    float u = (float)(tile->mid_u - coordinate(all->origin, (axis + 1) % 3));
+    float v = (float)(tile->mid_v - coordinate(all->origin, (axis + 2) % 3));
+    float low[NC_GROUP], high[NC_GROUP], overlap[NC_GROUP];
     uint64_t chosen = 0;
-    for (int i = 0; i < group->n; i++)
-        for (int k = 0; k < NC_N_PARTS; k++) {
-            const NcBody *body = &group->cutter->part[k];
-            if (tile->group->meets[k] &&
-                (tile->ray.axis == 2 ? reaches_upright(tile, body, &group->chords[i])
-                                     : reaches_level(tile, body, &group->chords[i])))
+    for (int k = 0; k < NC_N_PARTS; k++) {
+        if (!tile->group->meets[k])
+            continue;
+        nc_lanes_bounds(all, &tile->group->group->cutter->part[k], u, v, (float)tile->half, low,
+                        high);
+        memset(overlap, 0, sizeof overlap);
+        nc_lanes_overlap(all, low, high, (float)(tile->lowest - origin),
+                         (float)(tile->highest - origin), overlap);
+        for (int i = 0; i < all->n; i++)
+            if (overlap[i] > 0 && is_occupied(tile, origin, low[i], high[i]))
                 chosen |= (uint64_t)1 << i;
-        }
+    }
     return chosen;
 }
 
@@ -170,7 +149,7 @@ static void cut_freely(Tile *tile, float u, float v)
     const NcBody *body = &group->cutter->part[NC_PART_CUTTING];
     float low[NC_GROUP], high[NC_GROUP], overlap[NC_GROUP];
     double middle;
-    nc_lanes_bounds(&tile->lanes, body, u, v, low, high);
+    nc_lanes_bounds(&tile->lanes, body, u, v, 0, low, high);
     for (;;) {
         find_overlaps(tile, low, high, overlap);
         int i = nc_lanes_longest(&tile->lanes, overlap);
@@ -209,7 +188,7 @@ static void cut_in_order(Tile *tile, float u, float v)
     float low[NC_N_PARTS][NC_GROUP], high[NC_N_PARTS][NC_GROUP], overlap[NC_N_PARTS][NC_GROUP];
     for (int k = 0; k < NC_N_PARTS; k++)
         if (tile->group->meets[k]) {
-            nc_lanes_bounds(&tile->lanes, &group->cutter->part[k], u, v, low[k], high[k]);
+            nc_lanes_bounds(&tile->lanes, &group->cutter->part[k], u, v, 0, low[k], high[k]);
             find_overlaps(tile, low[k], high[k], overlap[k]);
         }
     for (int i = 0; i < tile->lanes.n; i++)
