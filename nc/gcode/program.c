@@ -104,7 +104,7 @@ static void survey_block(const NcInterpreter *interpreter, const NcBlock *block,
             done.moved = true;
             continue;
         }
-        bool whole = homing && !nc_word(block, 'X') && !nc_word(block, 'Y');
+        bool whole = homing && !(block->by.letters & NC_AXES);
         bool names_z = nc_word(block, 'Z') || whole;
         done.moved = done.moved || names_z || move->to.z != move->from.z;
         done.raised = machine_z && names_z && move->to.z >= move->from.z;

@@ -196,9 +196,13 @@ static void gates_of_others(void)
         {"G53 G0 Z-1\nG53 G1 Z-3 F9\nG53 X1\nG53 G0 Z-2\nG53 Z-9\nM2\n",
          {"G53 G0 Z-1\nG53 G1 Z-3 F9\nG53 X1\nG53 G0 Z-2\n",
           "G53 G0 Z-1\nG53 G1 Z-3 F9\nG53 X1\nG53 G0 Z-2\nG53 Z-9\nM2\n"}},
+        /* A alone goes home: the tool is as deep as before */
+        {"F9 G1 Z-3\nA9\nG28 A9\nG28\nM2\n",
+         {"F9 G1 Z-3\nA9\nG28 A9\nG28\n", "F9 G1 Z-3\nA9\nG28 A9\nG28\nM2\n"}},
         {"M2", {"M2"}},
     };
     CfgMachine machine = gcode_machine();
+    machine.rotary[0] = (CfgRotary){true, -360.0, 360.0, 3600.0, 1000.0, 0.0};
     for (size_t i = 0; i < G_N_ELEMENTS(cases); i++) {
         g_autoptr(GBytes) bytes = g_bytes_new_static(cases[i].program, strlen(cases[i].program));
         g_autoptr(GError) error = NULL;
