@@ -115,7 +115,7 @@ class Case:
             if self.machine.process.poll() is None and self.machine.status()["state"] == "HELD":
                 self.resumed = True
                 self.machine.press("ack")
-                await other.call("resume")
+                await other.call("resume", "--no-follow")
 
     def person(self, last, status):
         """What is right to do now; None: nothing."""
@@ -193,7 +193,8 @@ def targets(frames, seed):
 
 
 async def try_case(options, faults, whole):
-    """One case; again where the frame did not come: how often is read is a matter of time."""
+    """One case; again where the frame did not come (how often is read is a matter of time), or
+    where the host was too busy."""
     for _ in range(4):
         case = Case(options, faults)
         try:
@@ -202,9 +203,10 @@ async def try_case(options, faults, whole):
         except (Wrong, RuntimeError, OSError) as wrong:
             word = Wrong(f"{wrong}; resumed {case.resumed}; segmill ended so: {case.ends}")
         case.clear()
-        if not case.targets or isinstance(word, Exception):
-            return word
-    return ABSENT
+        word = ABSENT if case.targets and not isinstance(word, Exception) else word
+        if word not in (ABSENT, LATE):
+            break
+    return word
 
 
 async def sweep(options, cases, whole):
