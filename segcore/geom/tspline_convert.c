@@ -18,6 +18,12 @@ typedef struct {
     int n_cubic;
 } Direction;
 
+static void direction_clear(Direction *d)
+{
+    g_free(d->cubic);
+}
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(Direction, direction_clear)
+
 typedef double Homogeneous[4];
 
 static void make_cubic(Direction *d);
@@ -37,11 +43,10 @@ SegTspline *seg_tspline_from_face(const SegPart *part, int32_t face, GError **er
         return NULL;
     }
     SegSurfaceTables tables = seg_surface_tables(part->reals, s);
-    Direction u = {tables.knots_u, s->degree_u, s->n_u, NULL, 0};
-    Direction v = {tables.knots_v, s->degree_v, s->n_v, NULL, 0};
+    g_auto(Direction) u = {tables.knots_u, s->degree_u, s->n_u, NULL, 0};
+    g_auto(Direction) v = {tables.knots_v, s->degree_v, s->n_v, NULL, 0};
     make_cubic(&u);
     make_cubic(&v);
-    g_autofree double *free_u = u.cubic, *free_v = v.cubic;
     size_t rows = (size_t)s->n_u, columns = (size_t)s->n_v;
     size_t rows_3 = (size_t)u.n_cubic, columns_3 = (size_t)v.n_cubic;
     g_autofree Homogeneous *net = g_new(Homogeneous, rows * columns);

@@ -23,6 +23,13 @@ typedef struct {
     double *ordinates; /* [influence][3n + 1] */
 } Pieces;
 
+static void pieces_clear(Pieces *pieces)
+{
+    g_free(pieces->cuts);
+    g_free(pieces->ordinates);
+}
+G_DEFINE_AUTO_CLEANUP_CLEAR_FUNC(Pieces, pieces_clear)
+
 typedef double Knots[5];
 
 static bool add_patch(SegTpatches *p, const SegTspline *t, int32_t face, GError **error);
@@ -158,7 +165,8 @@ static bool add_patch(SegTpatches *p, const SegTspline *t, int32_t face, GError 
     int n = t->first_influence[face + 1] - t->first_influence[face];
     g_autofree Knots *in_u = knots_of(influence, n, (const int32_t(*)[5])t->lines_u, t->knots_u);
     g_autofree Knots *in_v = knots_of(influence, n, (const int32_t(*)[5])t->lines_v, t->knots_v);
-    Pieces u, v;
+    g_auto(Pieces) u = {0};
+    g_auto(Pieces) v = {0};
     find_pieces(&u, (const Knots *)in_u, n, t->knots_u[f->i0], t->knots_u[f->i1]);
     find_pieces(&v, (const Knots *)in_v, n, t->knots_v[f->j0], t->knots_v[f->j1]);
     SegSurface *s = &p->surfaces[face];
@@ -167,12 +175,11 @@ static bool add_patch(SegTpatches *p, const SegTspline *t, int32_t face, GError 
                       .degree_v = 3,
                       .n_u = 3 * u.n + 1,
                       .n_v = 3 * v.n + 1};
-    g_autofree double *cuts_u = u.cuts, *cuts_v = v.cuts;
     int64_t n_poles = (int64_t)s->n_u * s->n_v;
     if (n_poles > MOST_POLES || p->reals->len + 4 * n_poles > MOST_REALS)
         return refuse(f, "is crossed by too many knots of its points", error);
-    g_autofree double *free_u = u.ordinates = g_new0(double, (gsize)n *(gsize)s->n_u);
-    g_autofree double *free_v = v.ordinates = g_new0(double, (gsize)n *(gsize)s->n_v);
+    u.ordinates = g_new0(double, (gsize)n *(gsize)s->n_u);
+    v.ordinates = g_new0(double, (gsize)n *(gsize)s->n_v);
     for (int k = 0; k < n; k++)
         if (!find_ordinates(in_u[k], &u, u.ordinates + (ptrdiff_t)k * s->n_u) ||
             !find_ordinates(in_v[k], &v, v.ordinates + (ptrdiff_t)k * s->n_v))
