@@ -94,7 +94,7 @@ void nc_interpreter_free(NcInterpreter *interpreter);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcInterpreter, nc_interpreter_free)
 
 /* The machine stands here, in machine coordinates of the gauge point; until told, where it changes
- * tools (the machine file's tool_change), which is also where G28 goes. */
+ * tools (the machine file's tool_change), which is also where G28 goes. G40 is in force then. */
 void nc_interpreter_set_position(NcInterpreter *interpreter, SegVec3 gauge_point);
 
 /* The operator's switch that skips blocks beginning with "/"; off until told. */
