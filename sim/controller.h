@@ -64,6 +64,7 @@ typedef enum {
     SIM_TELL,      /* the receiver has to hear of an event */
     SIM_BLOCK,     /* a block has been executed */
     SIM_WAY,       /* a move of the way to where the program begins or goes on */
+    SIM_MESSAGE,   /* the program says something to the person at the machine */
     SIM_OVERRIDES, /* a run goes on by a plan with these */
     SIM_WOKEN,     /* the moment asked for has come: the last action of its step */
 } SimActionKind;
@@ -88,7 +89,8 @@ typedef struct {
     SimBlock block;       /* SIM_BLOCK; SIM_WAY, where line is 0 */
     NcOverride override;  /* SIM_OVERRIDES */
     double time_s;        /* of the program's clock */
-    uint32_t line;        /* SIM_WOKEN: the block that begins or is in execution */
+    uint32_t line;        /* SIM_WOKEN: the block that begins or is in execution; SIM_MESSAGE */
+    char *text;           /* SIM_MESSAGE; whoever carries it out takes it over */
 } SimAction;
 
 /* A moment of a run: before a block of this line or a later one, or at this time of the program's

@@ -115,6 +115,16 @@ void sim_log_override(SimLog *log, NcOverride override, double time_s)
     write_line(log, true);
 }
 
+void sim_log_message(SimLog *log, uint32_t line, const char *text, double time_s)
+{
+    g_string_assign(log->line, "{\"message\":");
+    append_string(log->line, text);
+    g_string_append_printf(log->line, ",\"line\":%u,\"time_s\":", line);
+    cfg_number_append(log->line, time_s);
+    g_string_append_c(log->line, '}');
+    write_line(log, true);
+}
+
 void sim_log_fault(SimLog *log, const char *spec, double time_s)
 {
     g_string_assign(log->line, "{\"fault\":");

@@ -25,6 +25,9 @@ void sim_log_block(SimLog *log, const SimBlock *block);
 /* One that drips: its SHA-256 as announced, and how many passes it has. */
 void sim_log_passes(SimLog *log, const uint8_t id[32], uint32_t n_passes);
 
+/* A message of the program. */
+void sim_log_message(SimLog *log, uint32_t line, const char *text, double time_s);
+
 /* A fault of the script begins. */
 void sim_log_fault(SimLog *log, const char *spec, double time_s);
 

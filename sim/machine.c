@@ -392,6 +392,12 @@ static void carry_out(SimMachine *machine, const SimAction *action)
         if (log)
             sim_log_way(log, &action->block);
         break;
+    case SIM_MESSAGE:
+        g_printerr("vcnc: line %u: %s\n", action->line, action->text);
+        if (log)
+            sim_log_message(log, action->line, action->text, action->time_s);
+        g_free(action->text);
+        break;
     case SIM_OVERRIDES:
         if (log)
             sim_log_override(log, action->override, action->time_s);

@@ -25,6 +25,7 @@ static bool read_lines(SimReader *reader, GBytes *bytes, Reading *reading, GErro
 static bool read_line(SimReader *reader, const char *line, size_t length, GArray *moves,
                       GError **error);
 static void pass_gates(Reading *reading, uint64_t offset);
+static char **take_messages(const SimReader *reader, GArray *moves);
 
 SimProgram *sim_reader_read(SimReader *reader, GBytes *bytes, const uint64_t *gates, size_t n_gates,
                             bool last, NcOverride override, GError **error)
@@ -46,6 +47,7 @@ SimProgram *sim_reader_read(SimReader *reader, GBytes *bytes, const uint64_t *ga
         return NULL;
     }
     SimProgram *program = g_atomic_rc_box_new0(SimProgram);
+    program->messages = take_messages(reader, moves);
     program->n = moves->len;
     program->moves = (NcMove *)(void *)g_array_free(g_steal_pointer(&moves), FALSE);
     program->spindle_rpm = spindle_rpm;
@@ -56,6 +58,21 @@ SimProgram *sim_reader_read(SimReader *reader, GBytes *bytes, const uint64_t *ga
     if (program->n > 0)
         reader->spindle_rpm = program->moves[program->n - 1].spindle_rpm;
     return program;
+}
+
+/* A pass is executed while the next one is read: it has its texts for itself. */
+static char **take_messages(const SimReader *reader, GArray *moves)
+{
+    GPtrArray *texts = g_ptr_array_new();
+    for (guint i = 0; i < moves->len; i++) {
+        NcMove *move = &g_array_index(moves, NcMove, i);
+        if (move->kind != NC_MOVE_MESSAGE)
+            continue;
+        g_ptr_array_add(texts, g_strdup(nc_interpreter_message(reader->interpreter, move)));
+        move->message = (int)texts->len - 1;
+    }
+    g_ptr_array_add(texts, NULL);
+    return (char **)g_ptr_array_free(texts, FALSE);
 }
 
 static bool read_lines(SimReader *reader, GBytes *bytes, Reading *reading, GError **error)
@@ -141,6 +158,7 @@ static void program_clear(void *data)
 {
     SimProgram *program = data;
     g_free(program->moves);
+    g_strfreev(program->messages);
     g_free(program->gates);
     sim_plan_unref(program->plan);
 }

@@ -23,6 +23,7 @@ typedef struct {
     size_t n;
     double spindle_rpm; /* programmed before the first move */
     uint32_t last_line; /* of the bytes that it was read from */
+    char **messages;    /* texts of its NC_MOVE_MESSAGEs, which number them from 0 */
     size_t *gates;      /* number of moves before each gate, ascending */
     size_t n_gates;
     SimPlan *plan; /* the newest; whoever executes the program may set another */

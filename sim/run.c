@@ -11,6 +11,7 @@
 static bool woken(SimController *c, GArray *actions);
 static void happen(SimController *c, GArray *actions);
 static bool finish_move(SimController *c, GArray *actions);
+static void speak(const SimController *c, const NcMove *move, GArray *actions);
 static void finish_block(SimController *c, SimActionKind kind, const NcMove *last, GArray *actions);
 static void pass_gates(SimController *c);
 static bool find_section(SimController *c, GArray *actions);
@@ -105,6 +106,8 @@ static bool finish_move(SimController *c, GArray *actions)
         return true;
     }
     pass_gates(c);
+    if (move->kind == NC_MOVE_MESSAGE)
+        speak(c, move, actions);
     if (c->drive.move >= section->n || move[1].begins_block) {
         finish_block(c, SIM_BLOCK, move, actions);
         c->executed_blocks++;
@@ -120,6 +123,15 @@ static bool finish_move(SimController *c, GArray *actions)
         return false;
     }
     return true;
+}
+
+static void speak(const SimController *c, const NcMove *move, GArray *actions)
+{
+    SimAction said = {.kind = SIM_MESSAGE,
+                      .line = nc_move_block_line(move),
+                      .text = g_strdup(c->drive.program->messages[move->message]),
+                      .time_s = c->time_s};
+    g_array_append_val(actions, said);
 }
 
 static void finish_block(SimController *c, SimActionKind kind, const NcMove *last, GArray *actions)

@@ -101,7 +101,7 @@ G17 G21 G40 G49 G80 G90 G91.1 G94 G64 P0.01
 T2 M6
 S6000 M3
 (REGION 1 convex tool=2 feed=3000)
-G53 G0 X-30 Y-20 Z-5
+G53 G0 X-30 Y-20 Z-5 (MSG,at the part)
 G53 G1 X-40 F3000
 G91 G2 X10 Y10 I10
 G90 G4 P0.25
@@ -121,7 +121,8 @@ run() { # run SPEED LOG: delivers and executes; sets status
 run max "$dir/max.log"
 run 40 "$dir/40.log"
 ok "logs of both speeds are byte-identical" cmp "$dir/max.log" "$dir/40.log"
-ok "the log has every block" sh -c "grep -c '\"line\"' '$dir/max.log' | grep -x 9"
+ok "the log has every block" sh -c "grep -c '\"kind\"' '$dir/max.log' | grep -x 9"
+ok "and what the program says" grep -q '"message":"at the part","line":5,' "$dir/max.log"
 printf 'G33 Z1 K1\nM30\n' >"$dir/wrong.ngc"
 start --log "$dir/wrong.log"
 echo ack >&7

@@ -112,6 +112,39 @@ static char *logged_run(const char *folder, double speed, int64_t tick_us, int64
     return text;
 }
 
+/* Said when the block comes, each time; the pass that they came with need not be there any more. */
+static void messages(void)
+{
+    Rig rig;
+    rig_init(&rig, 1, 3);
+    rig_load(&rig,
+             "(MSG,clamp it) G4 P1\n#1=2\no1 repeat [2]\n#1=[#1*2] (DEBUG,%d#1) G4 P1\n"
+             "o1 endrepeat\nM2\n",
+             NULL, 0);
+    rig_do(&rig, SIM_START);
+    rig_run(&rig, 100000, 60);
+    static const struct {
+        const char *text;
+        uint32_t line;
+        double time_s;
+    } said[] = {{"clamp it", 1, 0.0}, {"4", 4, 1.0}, {"8", 4, 2.0}};
+    size_t n = 0;
+    for (guint i = 0; i < rig.actions->len; i++) {
+        SimAction *action = &g_array_index(rig.actions, SimAction, i);
+        if (action->kind != SIM_MESSAGE)
+            continue;
+        if (n < G_N_ELEMENTS(said)) {
+            g_assert_cmpstr(action->text, ==, said[n].text);
+            g_assert_cmpuint(action->line, ==, said[n].line);
+            g_assert_cmpfloat(action->time_s, ==, said[n].time_s);
+        }
+        n++;
+        g_clear_pointer(&action->text, g_free);
+    }
+    g_assert_cmpuint(n, ==, G_N_ELEMENTS(said));
+    rig_clear(&rig);
+}
+
 static void same_at_every_speed(void)
 {
     char *folder = test_folder();
@@ -329,6 +362,7 @@ static void add(void)
     g_test_add_func("/sim/controller/run", run);
     g_test_add_func("/sim/controller/analytic-time", analytic_time);
     g_test_add_func("/sim/controller/same-at-every-speed", same_at_every_speed);
+    g_test_add_func("/sim/controller/messages", messages);
     g_test_add_func("/sim/controller/bounded-steps", bounded_steps);
     g_test_add_func("/sim/controller/second-start-returns", second_start_returns);
     g_test_add_func("/sim/controller/returns-over-the-top", returns_over_the_top);
