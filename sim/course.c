@@ -10,7 +10,7 @@ static void stretch_clear(void *stretch)
     sim_program_unref(((SimStretch *)stretch)->program);
 }
 
-static GArray *stretches_new(void)
+GArray *sim_stretches_new(void)
 {
     GArray *stretches = g_array_new(FALSE, FALSE, sizeof(SimStretch));
     g_array_set_clear_func(stretches, stretch_clear);
@@ -20,7 +20,7 @@ static GArray *stretches_new(void)
 SimCourse *sim_course_new(void)
 {
     SimCourse *course = g_new(SimCourse, 1);
-    course->stretches = stretches_new();
+    course->stretches = sim_stretches_new();
     return course;
 }
 
@@ -50,6 +50,6 @@ void sim_course_add(SimCourse *course, SimProgram *program, size_t move, double 
 GArray *sim_course_take(SimCourse *course)
 {
     GArray *taken = course->stretches;
-    course->stretches = stretches_new();
+    course->stretches = sim_stretches_new();
     return taken;
 }

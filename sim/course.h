@@ -12,6 +12,9 @@ typedef struct {
     double part; /* of the last of them, from its start: below 1 it was broken off there */
 } SimStretch;
 
+/* GArray of SimStretch that owns a reference on each program; g_array_unref. */
+GArray *sim_stretches_new(void);
+
 typedef struct SimCourse SimCourse;
 
 SimCourse *sim_course_new(void);
@@ -22,7 +25,7 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimCourse, sim_course_free)
  * `course` NULL nothing is done. */
 void sim_course_add(SimCourse *course, SimProgram *program, size_t move, double part);
 
-/* Takes out all there is: GArray of SimStretch, freed with g_array_unref. */
+/* Takes out all there is, as the array of sim_stretches_new. */
 GArray *sim_course_take(SimCourse *course);
 
 #endif

@@ -3,12 +3,15 @@
 
 #include <gio/gio.h>
 
+#include "sim/probing.h"
+
 struct SimFeed {
     const CfgMachine *machine;
     const CfgToolTable *tools;
     SimFeedCallbacks callbacks;
-    SimReader *reader;  /* of the program that was begun */
-    GTask *examination; /* whose result is wanted; not owned */
+    SimMaterial *material; /* NULL: none */
+    SimReader *reader;     /* of the program that was begun */
+    GTask *examination;    /* whose result is wanted; not owned */
     bool planning;
     int under_way; /* tasks */
     bool closing;
@@ -168,6 +171,11 @@ SimFeed *sim_feed_new(const CfgMachine *machine, const CfgToolTable *tools,
     return feed;
 }
 
+void sim_feed_set_material(SimFeed *feed, SimMaterial *material)
+{
+    feed->material = material;
+}
+
 void sim_feed_free(SimFeed *feed)
 {
     if (!feed)
@@ -185,6 +193,8 @@ void sim_feed_begin(SimFeed *feed)
     feed->examination = NULL;
     sim_reader_unref(feed->reader);
     feed->reader = sim_reader_new(feed->machine, feed->tools);
+    if (feed->material)
+        sim_reader_set_probing(feed->reader, sim_probing_new(feed->material));
 }
 
 bool sim_feed_busy(const SimFeed *feed)

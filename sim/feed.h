@@ -23,6 +23,10 @@ typedef struct {
 SimFeed *sim_feed_new(const CfgMachine *machine, const CfgToolTable *tools,
                       const SimFeedCallbacks *callbacks);
 
+/* Answers G38 of the programs that begin from now on; outlives it. */
+struct SimMaterial;
+void sim_feed_set_material(SimFeed *feed, struct SimMaterial *material);
+
 /* Waits for what is under way. */
 void sim_feed_free(SimFeed *feed);
 

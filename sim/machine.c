@@ -88,6 +88,7 @@ SimMachine *sim_machine_new(const SimMachineOptions *options, GError **error)
     machine->receiver = fb_receiver_new(&receiver);
     SimFeedCallbacks feed = {.examined = examined, .planned = planned, .data = machine};
     machine->feed = sim_feed_new(cfg, options->tools, &feed);
+    sim_feed_set_material(machine->feed, options->material);
     publish_setup(machine, 54);
     if (options->tools->n_tools > FB_TOOLS_MOST)
         g_printerr("vcnc: the tool table has %zu tools: the %d with the lowest numbers are "

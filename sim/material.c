@@ -11,8 +11,10 @@ struct SimMaterial {
     SimMaterialOptions options;
     NcStock *stock; /* of the thread, while one is at work */
     SimCourse *course;
-    GQueue waiting; /* Removal, the first of them at work */
-    bool modelled;  /* a model has been asked for */
+    GQueue waiting; /* Removal, the first of them at work; changed under the lock */
+    GMutex lock;
+    GCond changed;
+    bool modelled; /* a model has been asked for */
     double whole_mm3;
     unsigned collisions[NC_COLLISION_SPINDLE + 1];
 };
@@ -49,6 +51,8 @@ SimMaterial *sim_material_new(const SimMaterialOptions *options, GError **error)
     material->course = sim_course_new();
     material->whole_mm3 = nc_stock_volume_mm3(stock);
     g_queue_init(&material->waiting);
+    g_mutex_init(&material->lock);
+    g_cond_init(&material->changed);
     return material;
 }
 
@@ -59,6 +63,8 @@ void sim_material_free(SimMaterial *material)
     wait_for_all(material);
     sim_course_free(material->course);
     nc_stock_free(material->stock);
+    g_mutex_clear(&material->lock);
+    g_cond_clear(&material->changed);
     g_free(material);
 }
 
@@ -96,7 +102,9 @@ void sim_material_remove(SimMaterial *material, SimRemoved removed, void *data)
     removal->data = data;
     removal->collisions = g_array_new(FALSE, FALSE, sizeof(NcCollision));
     material->modelled = true;
+    g_mutex_lock(&material->lock);
     g_queue_push_tail(&material->waiting, removal);
+    g_mutex_unlock(&material->lock);
     if (material->waiting.length == 1)
         begin_next(material);
 }
@@ -134,7 +142,10 @@ static void done(GObject *source, GAsyncResult *result, void *data)
     const SimRemoval what = {removal->collisions, removal->error};
     for (guint i = 0; i < removal->collisions->len; i++)
         material->collisions[g_array_index(removal->collisions, NcCollision, i).kind]++;
+    g_mutex_lock(&material->lock);
     g_queue_pop_head(&material->waiting);
+    g_cond_broadcast(&material->changed);
+    g_mutex_unlock(&material->lock);
     begin_next(material);
     removal->removed(&what, removal->data);
     g_array_unref(removal->stretches);
@@ -163,12 +174,40 @@ void sim_material_settle(SimMaterial *material)
     wait_for_all(material);
 }
 
-/* The work zero does not move with what a program sets: the material stays where it is clamped. */
-static bool cut_moves(SimMaterial *material, const NcMove *moves, size_t n, Removal *removal)
+NcStock *sim_material_copy(SimMaterial *material)
+{
+    g_mutex_lock(&material->lock);
+    while (material->waiting.length > 0)
+        g_cond_wait(&material->changed, &material->lock);
+    NcStock *copy = nc_stock_copy(material->stock);
+    g_mutex_unlock(&material->lock);
+    return copy;
+}
+
+/* It does not move with what a program sets: the material stays where it is clamped. */
+static SegVec3 zero_of(const SimMaterial *material)
 {
     const double *zero = material->options.machine->work_offset_mm[0];
-    return nc_stock_cut(material->stock, moves, n, seg_vec3(zero[0], zero[1], zero[2]),
-                        material->options.tools, removal->collisions, &removal->error);
+    return seg_vec3(zero[0], zero[1], zero[2]);
+}
+
+bool sim_material_cut(const SimMaterial *material, NcStock *stock, const NcMove *moves, size_t n,
+                      GArray *collisions, GError **error)
+{
+    return nc_stock_cut(stock, moves, n, zero_of(material), material->options.tools, collisions,
+                        error);
+}
+
+bool sim_material_probe(const SimMaterial *material, const NcStock *stock, const NcMove *move,
+                        bool away, SegVec3 *where)
+{
+    return nc_stock_probe(stock, move, zero_of(material), material->options.tools, away, where);
+}
+
+static bool cut_moves(SimMaterial *material, const NcMove *moves, size_t n, Removal *removal)
+{
+    return sim_material_cut(material, material->stock, moves, n, removal->collisions,
+                            &removal->error);
 }
 
 /* Of a move that was broken off: straight pieces, as far as it came. */

@@ -40,6 +40,17 @@ typedef void (*SimRemoved)(const SimRemoval *removal, void *data);
  * what was given before. */
 void sim_material_remove(SimMaterial *material, SimRemoved removed, void *data);
 
+/*
+ * For who reads a program while others run; from any thread. A copy of what is clamped, once
+ * everything that was given to sim_material_remove is removed; and how moves cut such a copy, and
+ * feel it, as nc_stock_cut and nc_stock_probe.
+ */
+NcStock *sim_material_copy(SimMaterial *material);
+bool sim_material_cut(const SimMaterial *material, NcStock *stock, const NcMove *moves, size_t n,
+                      GArray *collisions, GError **error);
+bool sim_material_probe(const SimMaterial *material, const NcStock *stock, const NcMove *move,
+                        bool away, SegVec3 *where);
+
 /* Says on stderr and in the log (released; may be NULL) what happened. */
 void sim_material_report(const SimRemoval *removal, SimLog *log);
 

@@ -4,13 +4,15 @@
 #include <string.h>
 
 #include "sim/alarm.h"
+#include "sim/probing.h"
 
 struct SimReader {
     NcInterpreter *interpreter;
     const CfgMachine *machine;
-    uint32_t line;      /* the last one read */
-    double spindle_rpm; /* programmed there */
-    bool ended;         /* what follows is no part of the program */
+    SimProbing *probing; /* NULL: nobody answers G38 */
+    uint32_t line;       /* the last one read */
+    double spindle_rpm;  /* programmed there */
+    bool ended;          /* what follows is no part of the program */
 };
 
 /* What is being read. */
@@ -35,6 +37,8 @@ SimProgram *sim_reader_read(SimReader *reader, GBytes *bytes, const uint64_t *ga
     g_autoptr(GError) cause = NULL;
     Reading reading = {.moves = moves, .gates = gates, .n_gates = n_gates, .found = found};
     const double spindle_rpm = reader->spindle_rpm;
+    if (reader->probing)
+        sim_probing_begin(reader->probing, moves);
     if (!read_lines(reader, bytes, &reading, &cause)) {
         SimAlarm alarm =
             g_error_matches(cause, NC_ERROR, NC_ERROR_LIMIT) ? SIM_ALARM_LIMIT : SIM_ALARM_PROGRAM;
@@ -57,6 +61,8 @@ SimProgram *sim_reader_read(SimReader *reader, GBytes *bytes, const uint64_t *ga
     program->plan = sim_plan_new(program, reader->machine, override);
     if (program->n > 0)
         reader->spindle_rpm = program->moves[program->n - 1].spindle_rpm;
+    if (reader->probing)
+        sim_probing_read(reader->probing, program);
     return program;
 }
 
@@ -127,9 +133,16 @@ SimReader *sim_reader_ref(SimReader *reader)
     return g_atomic_rc_box_acquire(reader);
 }
 
+void sim_reader_set_probing(SimReader *reader, SimProbing *probing)
+{
+    reader->probing = probing;
+    nc_interpreter_set_probe(reader->interpreter, sim_probing_answer, probing);
+}
+
 static void reader_clear(void *reader)
 {
     nc_interpreter_free(((SimReader *)reader)->interpreter);
+    sim_probing_free(((SimReader *)reader)->probing);
 }
 
 void sim_reader_unref(SimReader *reader)

@@ -34,6 +34,9 @@ typedef struct {
 typedef struct SimReader SimReader;
 
 SimReader *sim_reader_new(const CfgMachine *machine, const CfgToolTable *tools);
+/* Who answers G38, until then nobody; taken over. */
+struct SimProbing;
+void sim_reader_set_probing(SimReader *reader, struct SimProbing *probing);
 SimReader *sim_reader_ref(SimReader *reader);
 void sim_reader_unref(SimReader *reader);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimReader, sim_reader_unref)

@@ -27,7 +27,7 @@ bool nc_stock_probe(const NcStock *stock, const NcMove *move, SegVec3 zero,
     const double length_mm = seg_distance(way.a, way.b);
     const double step = length_mm > NC_STOCK_PROBE_MM ? NC_STOCK_PROBE_MM / length_mm : 1;
     double at = 0;
-    if (touches(&way, 0, 0) != away)
+    if (touches(&way, 0, 0) == away)
         at = away                  ? first_leave(&way, step)
              : touches(&way, 0, 1) ? first_touch(&way, 0, 1, step)
                                    : INFINITY;

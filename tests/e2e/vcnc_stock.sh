@@ -20,6 +20,10 @@ printf '%s\n' "$head" 'T7 M6' 'G43 H7' 'S6000 M3' 'G0 X-10 Y15' 'G0 Z5' 'G1 Z-4 
 # One that stops for a person behind the slot's first half.
 printf '%s\n' "$head" 'T7 M6' 'G43 H7' 'S6000 M3' 'G0 X-10 Y15' 'G0 Z5' 'G1 Z-4 F600' 'G1 X30 F1200' \
     M0 'G1 X70' 'G53 G0 Z0' M5 M30 >"$dir/half.ngc"
+# One that cuts the slot, then feels for its floor, for the block's top, and past it.
+printf '%s\n' "$head" 'T7 M6' 'G43 H7' 'S6000 M3' 'G0 X-10 Y15' 'G0 Z5' 'G1 Z-4 F600' 'G1 X70 F1200' \
+    'G0 Z5' M5 'G0 X30' 'G38.2 Z-10 F100' 'G0 Z[#5063 + 7]' 'G0 Y3' 'G38.2 Z-10' 'G38.4 Z20' 'G0 Y-10' \
+    'G38.3 Z-10' 'G53 G0 Z0' M30 >"$dir/probe.ngc"
 
 cut() { # cut PROGRAM ARGUMENT…: until vcnc ends by itself; sets status
     local program=$1
@@ -83,6 +87,22 @@ cut "$dir/rapid.ngc" --speed 50
 ok "a rapid through the block: the same log at another speed" cmp "$dir/rapid.log" "$dir/log"
 cut "$dir/rapid.ngc" --speed max --collision-alarm
 ok "with --collision-alarm: ALARM behind it" logged '^{"state":"ALARM"'
+
+cut "$dir/probe.ngc" --speed max
+at() { # at LINE Z: where the tip was behind a block
+    awk -F '[][,]' -v line="$1" -v z="$2" 'index($0, "{\"line\":" line ",") {
+        tip = $8 + 300 - 108; print tip; good = tip > z - 3e-5 && tip < z + 3e-5 } END { exit !good }' \
+        "$dir/log"
+}
+ok "G38.2: the floor of the slot, as cut before" at 12 -4
+ok "G38.2: #5063 has it" at 13 3
+ok "G38.2: the block's top" at 15 0
+ok "G38.4: off it again" at 16 0
+ok "G38.3: nothing there, to the end" at 18 -10
+ok "G38: nothing is removed" whole 1 $((60 * 30 * 20 - 60 * 10 * 4))
+sed 's/G38.3/G38.2/' "$dir/probe.ngc" >"$dir/nothing.ngc"
+cut "$dir/nothing.ngc" --speed max
+ok "G38.2 with nothing there: refused, with its line" said 'line 18.*touched nothing'
 
 start_vcnc --machine "$machine" --stock "$dir/slot.stl" --ipm "$dir/left.stl" --pitch 0.25 \
     --acknowledge --speed max
