@@ -108,10 +108,12 @@ void seg_surface_grid(const double *reals, const SegSurface *surface, bool rever
         sum_over_u(&g, u[i], &chunk);
         for (size_t r = 0; r < g.n_runs;) {
             size_t first = g.runs[r].first, n = 0;
-            do {
+            do { /* the runs of one chunk */
                 sum_run(&g, &g.runs[r], &chunk, n);
                 n += g.runs[r].n;
             } while (++r < g.n_runs && g.runs[r].first % SEG_CHUNK != 0);
+            memcpy(chunk.noise[SEG_NOISE_V], g.noise_v + first, n * sizeof(double));
+            memcpy(chunk.noise[SEG_NOISE_VV], g.noise_vv + first, n * sizeof(double));
             seg_chunk_store(&chunk, n, surface->rational, reversed, out, at + i * stride + first);
         }
     }
@@ -217,30 +219,51 @@ sum_coordinate_any(int q, const double *c0, const double *c1, const double *c2, 
     }
 }
 
-/* The usual degrees by constants, so that the inner loop is unrolled. */
+/* The poles of the curves at the run, and where its samples go. */
+typedef struct {
+    const double *row; /* first pole of the curve of x */
+    size_t columns;    /* between coordinates */
+    size_t order;      /* between derivatives in u */
+    const double *basis;
+    size_t step;
+} Span;
+
+static inline __attribute__((always_inline)) void
+sum_coordinates(int q, int dim, const Span *s, size_t n, double (*d)[4][SEG_CHUNK_ROOM], size_t at)
+{
+    for (int x = 0; x < dim; x++) {
+        const double *c = s->row + (size_t)x * s->columns;
+        if (q <= 5)
+            sum_coordinate(q, c, c + s->order, c + 2 * s->order, s->basis, s->step, n, d, x, at);
+        else
+            sum_coordinate_any(q, c, c + s->order, c + 2 * s->order, s->basis, s->step, n, d, x,
+                               at);
+    }
+}
+
+/* The usual degrees by constants, so that the sum is written out. */
 SEG_VECTOR_CLONES
-static void sum_coordinate_of(int q, const double *c0, const double *c1, const double *c2,
-                              const double *b, size_t step, size_t n,
-                              double (*d)[4][SEG_CHUNK_ROOM], int x, size_t at)
+static void sum_span(int q, int dim, const Span *s, size_t n, double (*d)[4][SEG_CHUNK_ROOM],
+                     size_t at)
 {
     switch (q) {
     case 1:
-        sum_coordinate(1, c0, c1, c2, b, step, n, d, x, at);
+        sum_coordinates(1, dim, s, n, d, at);
         break;
     case 2:
-        sum_coordinate(2, c0, c1, c2, b, step, n, d, x, at);
+        sum_coordinates(2, dim, s, n, d, at);
         break;
     case 3:
-        sum_coordinate(3, c0, c1, c2, b, step, n, d, x, at);
+        sum_coordinates(3, dim, s, n, d, at);
         break;
     case 4:
-        sum_coordinate(4, c0, c1, c2, b, step, n, d, x, at);
+        sum_coordinates(4, dim, s, n, d, at);
         break;
     case 5:
-        sum_coordinate(5, c0, c1, c2, b, step, n, d, x, at);
+        sum_coordinates(5, dim, s, n, d, at);
         break;
     default:
-        sum_coordinate_any(q, c0, c1, c2, b, step, n, d, x, at);
+        sum_coordinates(q, dim, s, n, d, at);
         break;
     }
 }
@@ -249,12 +272,8 @@ static void sum_coordinate_of(int q, const double *c0, const double *c1, const d
 static void sum_run(const Grid *g, const Run *run, SegChunk *chunk, size_t at)
 {
     int q = g->surface->degree_v;
-    size_t columns = (size_t)g->surface->n_v, first = (size_t)(run->span - q);
-    memcpy(chunk->noise[SEG_NOISE_V] + at, g->noise_v + run->first, run->n * sizeof(double));
-    memcpy(chunk->noise[SEG_NOISE_VV] + at, g->noise_vv + run->first, run->n * sizeof(double));
-    for (size_t x = 0; x < (size_t)g->dim; x++) {
-        const double *c0 = g->row + x * columns + first, *c1 = c0 + (size_t)g->dim * columns;
-        sum_coordinate_of(q, c0, c1, c1 + (size_t)g->dim * columns, g->basis + run->first, g->step,
-                          run->n, chunk->d, (int)x, at);
-    }
+    size_t columns = (size_t)g->surface->n_v;
+    Span s = {g->row + (run->span - q), columns, (size_t)g->dim * columns, g->basis + run->first,
+              g->step};
+    sum_span(q, g->dim, &s, seg_whole_strides(run->n), chunk->d, at);
 }

@@ -76,7 +76,7 @@ static void put(double *&out, const gp_XYZ &v)
     *out++ = v.X(), *out++ = v.Y(), *out++ = v.Z();
 }
 
-static void evaluate(GeomLProp_SLProps &at, double u, double v, double out[31])
+static void evaluate(GeomLProp_SLProps &at, double u, double v, bool directions, double out[31])
 {
     for (int i = 0; i < 31; i++)
         out[i] = std::nan("");
@@ -94,7 +94,7 @@ static void evaluate(GeomLProp_SLProps &at, double u, double v, double out[31])
     *out++ = at.MeanCurvature();
     *out++ = at.MinCurvature();
     *out++ = at.MaxCurvature();
-    if (at.IsUmbilic())
+    if (!directions || at.IsUmbilic())
         return;
     gp_Dir max, min;
     at.CurvatureDirections(max, min);
@@ -103,14 +103,14 @@ static void evaluate(GeomLProp_SLProps &at, double u, double v, double out[31])
 }
 
 static void measure(const Handle(Geom_BSplineSurface) & surface, const std::vector<double> &uv,
-                    double seconds)
+                    double seconds, bool directions)
 {
     GeomLProp_SLProps at(surface, 2, 1e-12);
     double out[31], sum = 0, taken = 0, points = 0;
     std::clock_t start = std::clock(); /* the processor's time */
     do {
         for (size_t i = 0; i < uv.size(); i += 2) {
-            evaluate(at, uv[i], uv[i + 1], out);
+            evaluate(at, uv[i], uv[i + 1], directions, out);
             sum += out[0];
         }
         points += double(uv.size() / 2);
@@ -119,19 +119,19 @@ static void measure(const Handle(Geom_BSplineSurface) & surface, const std::vect
     std::printf("%.17g\n", std::isfinite(sum) ? points / taken : 0.0);
 }
 
-static int judge(double seconds)
+static int judge(double seconds, bool directions)
 {
     for (double head[5]; std::fread(head, sizeof head, 1, stdin) == 1;) {
         Handle(Geom_BSplineSurface) surface = read_surface(std::vector<double>(head, head + 5));
         std::vector<double> uv = take(size_t(2 * take(1)[0]));
         if (seconds > 0) {
-            measure(surface, uv, seconds);
+            measure(surface, uv, seconds, directions);
             return 0;
         }
         GeomLProp_SLProps at(surface, 2, 1e-12);
         for (size_t i = 0; i < uv.size(); i += 2) {
             double out[31];
-            evaluate(at, uv[i], uv[i + 1], out);
+            evaluate(at, uv[i], uv[i + 1], true, out);
             std::fwrite(out, sizeof out, 1, stdout);
         }
     }
@@ -140,13 +140,15 @@ static int judge(double seconds)
 
 int main(int argc, char **argv)
 {
-    double seconds = argc == 3 && std::string(argv[1]) == "--time" ? std::atof(argv[2]) : 0;
+    bool directions = argc != 4 || std::string(argv[3]) != "--no-directions";
+    bool timed = (argc == 3 || !directions) && std::string(argv[1]) == "--time";
+    double seconds = timed ? std::atof(argv[2]) : 0;
     if (argc != 1 && !(seconds > 0)) {
-        std::fprintf(stderr, "usage: occ_surface [--time SECONDS] <SURFACES\n");
+        std::fprintf(stderr, "usage: occ_surface [--time SECONDS [--no-directions]] <SURFACES\n");
         return 2;
     }
     try {
-        return judge(seconds);
+        return judge(seconds, directions);
     } catch (const Standard_Failure &failure) {
         std::fprintf(stderr, "occ_surface: %s\n", failure.GetMessageString());
     } catch (const std::exception &failure) {

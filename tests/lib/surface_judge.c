@@ -44,11 +44,13 @@ GBytes *surface_judge_answer(const GByteArray *question)
     return run((const char *const[]){judge, NULL}, question);
 }
 
-double surface_judge_speed(const GByteArray *question, double seconds)
+double surface_judge_speed(const GByteArray *question, double seconds, bool directions)
 {
     g_autofree char *judge = test_program("judges/occ_surface");
     g_autofree char *time = g_strdup_printf("%g", seconds);
-    g_autoptr(GBytes) out = run((const char *const[]){judge, "--time", time, NULL}, question);
+    g_autoptr(GBytes) out = run(
+        (const char *const[]){judge, "--time", time, directions ? NULL : "--no-directions", NULL},
+        question);
     if (!out)
         return 0;
     g_autofree char *text = g_strndup(g_bytes_get_data(out, NULL), g_bytes_get_size(out));

@@ -20,7 +20,8 @@ void surface_judge_ask(GByteArray *question, const double *reals, const SegSurfa
  * caller unrefs. */
 GBytes *surface_judge_answer(const GByteArray *question);
 
-/* Points/s over the points of the question; 0 where it refuses. */
-double surface_judge_speed(const GByteArray *question, double seconds);
+/* Points/s over the points of the question, with principal directions or without; 0 where it
+ * refuses. */
+double surface_judge_speed(const GByteArray *question, double seconds, bool directions);
 
 #endif
