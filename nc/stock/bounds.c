@@ -171,14 +171,16 @@ CLONES static void add_upright(const NcLanes *lanes, const NcBody *body, float u
 }
 
 /* X and Y rays: the section of a piece at the ray's height, where the tip is lowest, all along the
- * way. `z` of the ray is u where `z_is_u`, else v. */
+ * way. A piece is a frustum (z0, z1, r0, widening) or an arc (disc, round, centre) between its
+ * heights. `z` of the ray is u where `z_is_u`, else v. */
 CLONES static void add_level(const NcLanes *lanes, const float piece[7], bool z_is_u, float z,
                              float other, float half, float *low, float *high)
 {
     const float *zs = z_is_u ? lanes->u : lanes->v, *dzs = z_is_u ? lanes->du : lanes->dv;
     const float *os = z_is_u ? lanes->v : lanes->u, *dos = z_is_u ? lanes->dv : lanes->du;
     float from = piece[0], to = piece[1], base = piece[2], widening = piece[3];
-    float disc = piece[4], round = piece[5], centre = piece[6], margin = lanes->margin + half;
+    float disc = piece[4], round = piece[5], centre = piece[6];
+    float slack = lanes->margin, margin = slack + half;
     int n = padded(lanes);
 #pragma omp simd
     for (int i = 0; i < n; i++) {
@@ -186,14 +188,15 @@ CLONES static void add_level(const NcLanes *lanes, const float piece[7], bool z_
         float height = z - lowest + margin;
         bool meets = (height >= from) & (z - highest - margin <= to);
         float below = most(centre - height, 0);
-        float r = base + widening * least(height - from, to - from) + lanes->margin;
-        r = round > 0 ? disc + sqrtf(most(round * round - below * below, 0)) + lanes->margin : r;
+        float cone = base + widening * least(height - from, to - from);
+        float arc = disc + sqrtf(most(round * round - below * below, 0));
+        float r = most(cone, arc) + slack;
         float before = os[i] + least(dos[i], 0) - other, behind = other - os[i] - most(dos[i], 0);
         float off = most(most(before, behind) - margin, 0), square = r * r - off * off;
-        float width = sqrtf(most(square, 0)) + lanes->margin;
+        float width = sqrtf(most(square, 0)) + slack;
         float l = lanes->w[i] + least(lanes->dw[i], 0) - width;
         float h = lanes->w[i] + most(lanes->dw[i], 0) + width;
-        meets = meets & (square >= 0);
+        meets = meets & (off <= r);
         low[i] = least(low[i], meets ? l : INFINITY);
         high[i] = most(high[i], meets ? h : -INFINITY);
     }
@@ -207,25 +210,27 @@ static void add_level_pieces(const NcLanes *lanes, const NcBody *body, float u, 
     for (int k = 0; k < body->n_frusta; k++) {
         const NcFrustum *f = &body->frustum[k];
         double widening = (f->r1 - f->r0) / (f->z1 - f->z0);
-        add_level(lanes,
-                  (float[7]){(float)f->z0, (float)f->z1, (float)f->r0, (float)widening, 0, 0, 0},
-                  z_is_u, z, other, half, low, high);
+        add_level(
+            lanes,
+            (float[7]){(float)f->z0, (float)f->z1, (float)f->r0, (float)widening, -NOWHERE, 0, 0},
+            z_is_u, z, other, half, low, high);
     }
     const NcRoundedDisc *d = &body->rounded;
     if (d->round > 0 && (d->disc > 0 || half > 0))
         add_level(lanes,
-                  (float[7]){(float)(d->centre - d->round), (float)(d->centre + d->round), 0, 0,
-                             (float)d->disc, (float)d->round, (float)d->centre},
+                  (float[7]){(float)(d->centre - d->round), (float)(d->centre + d->round), -NOWHERE,
+                             0, (float)d->disc, (float)d->round, (float)d->centre},
                   z_is_u, z, other, half, low, high);
 }
 
 void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float half,
                      float *low, float *high)
 {
-    for (int i = 0; i < padded(lanes); i++) {
+    int n = padded(lanes);
+    for (int i = 0; i < n; i++)
         low[i] = INFINITY;
+    for (int i = 0; i < n; i++)
         high[i] = -INFINITY;
-    }
     const NcRoundedDisc *d = &body->rounded;
     float centre = (float)d->centre;
     if (d->round > 0 && d->disc == 0 && half == 0)
@@ -248,17 +253,31 @@ CLONES void nc_lanes_overlap(const NcLanes *lanes, const float *low, const float
         overlap[i] = most(overlap[i], least(high[i], out) - most(low[i], in));
 }
 
-/* Floats from 0 up are in the order of their bits; the last of these give way to the lane. */
-CLONES int nc_lanes_longest(const NcLanes *lanes, const float *overlap)
+typedef int32_t Keys __attribute__((vector_size(NC_LANES * sizeof(int32_t))));
+
+/* Floats from 0 up are in the order of their bits, of which the last give way to the lane. */
+CLONES int32_t nc_lanes_longest(const NcLanes *lanes, const float *low, const float *high, float in,
+                                float out)
 {
-    int32_t best = 0;
+    float lengths[NC_GROUP];
+    int32_t longest = NC_GROUP - 1;
     int n = padded(lanes);
-#pragma omp simd reduction(max : best)
-    for (int k = 0; k < n; k++) {
-        int32_t bits;
-        memcpy(&bits, &overlap[k], sizeof bits);
-        bits = (bits & -NC_GROUP) | (NC_GROUP - 1 - k);
-        best = bits > best ? bits : best;
+    Keys best = {0}, lane, all = {0};
+    in -= lanes->margin;
+    out += lanes->margin;
+#pragma omp simd
+    for (int k = 0; k < n; k++)
+        lengths[k] = least(high[k], out) - most(low[k], in);
+    for (int j = 0; j < NC_LANES; j++)
+        lane[j] = NC_GROUP - 1 - j;
+    for (int k = 0; k < n; k += NC_LANES, lane -= NC_LANES) {
+        Keys key;
+        memcpy(&key, &lengths[k], sizeof key);
+        key = (key & (all - NC_GROUP)) | lane; /* of a length below 0 it is below 0 too */
+        Keys greater = key > best;
+        best = (key & greater) | (best & ~greater);
     }
-    return best < NC_GROUP ? -1 : NC_GROUP - 1 - best % NC_GROUP;
+    for (int j = 0; j < NC_LANES; j++)
+        longest = best[j] > longest ? best[j] : longest;
+    return longest < NC_GROUP ? 0 : longest;
 }

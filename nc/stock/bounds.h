@@ -41,7 +41,14 @@ void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v,
 void nc_lanes_overlap(const NcLanes *lanes, const float *low, const float *high, float in,
                       float out, float *overlap);
 
-/* The lane with the greatest overlap, of nearly equal ones the first; -1 where none is above 0. */
-int nc_lanes_longest(const NcLanes *lanes, const float *overlap);
+/* The lane whose interval covers most of [in, out], of nearly equal ones the first: greater for a
+ * longer piece, and nc_lanes_lane of it is the lane; 0 where no interval covers any. */
+int32_t nc_lanes_longest(const NcLanes *lanes, const float *low, const float *high, float in,
+                         float out);
+
+static inline int nc_lanes_lane(int32_t longest)
+{
+    return NC_GROUP - 1 - longest % NC_GROUP;
+}
 
 #endif

@@ -127,19 +127,10 @@ static uint64_t choose_chords(const Tile *tile)
 
 /* ---------------------------------------------------------------------- one ray */
 
-/* How much of the ray's material lies in each lane's interval, at most: of one segment. */
-static void find_overlaps(const Tile *tile, const float *low, const float *high, float *overlap)
+/* An end of the ray's material, counted from the lanes' origin. */
+static float from_origin(const Tile *tile, double origin, const NcDexelEnd *end)
 {
-    const NcRay *ray = &tile->ray;
-    const NcDexelEnd *ends = ray->tile->ends;
-    double origin = coordinate(tile->lanes.origin, ray->axis);
-    for (int i = 0; i < NC_GROUP; i++)
-        overlap[i] = 0;
-    for (uint32_t k = ray->tile->first[ray->ray]; k < ray->tile->first[ray->ray + 1]; k += 2)
-        nc_lanes_overlap(&tile->lanes, low, high,
-                         (float)(nc_dexel_mm(ray->stock, ray->axis, ends[k].depth) - origin),
-                         (float)(nc_dexel_mm(ray->stock, ray->axis, ends[k + 1].depth) - origin),
-                         overlap);
+    return (float)(nc_dexel_mm(tile->ray.stock, tile->ray.axis, end->depth) - origin);
 }
 
 /* The chord that seems to take most goes first, and most others find nothing left. */
@@ -147,17 +138,23 @@ static void cut_freely(Tile *tile, float u, float v)
 {
     const NcGroup *group = tile->group->group;
     const NcBody *body = &group->cutter->part[NC_PART_CUTTING];
-    float low[NC_GROUP], high[NC_GROUP], overlap[NC_GROUP];
-    double middle;
+    const NcDexelTile *rays = tile->ray.tile;
+    double middle, origin = coordinate(tile->lanes.origin, tile->ray.axis);
+    float low[NC_GROUP], high[NC_GROUP];
     nc_lanes_bounds(&tile->lanes, body, u, v, 0, low, high);
     for (;;) {
-        find_overlaps(tile, low, high, overlap);
-        int i = nc_lanes_longest(&tile->lanes, overlap);
-        if (i < 0)
+        int32_t longest = 0;
+        for (uint32_t k = rays->first[tile->ray.ray]; k < rays->first[tile->ray.ray + 1]; k += 2) {
+            float in = from_origin(tile, origin, &rays->ends[k]);
+            float out = from_origin(tile, origin, &rays->ends[k + 1]);
+            longest = MAX(longest, nc_lanes_longest(&tile->lanes, low, high, in, out));
+        }
+        if (longest == 0)
             return;
-        nc_ray_subtract(&tile->ray, body, &group->chords[tile->lanes.chord[i]], &middle);
-        low[i] = INFINITY;
-        high[i] = -INFINITY;
+        int lane = nc_lanes_lane(longest);
+        nc_ray_subtract(&tile->ray, body, &group->chords[tile->lanes.chord[lane]], &middle);
+        low[lane] = INFINITY;
+        high[lane] = -INFINITY;
     }
 }
 
@@ -178,6 +175,17 @@ static void meet(Tile *tile, uint32_t cut, int kind, double length_mm, double mi
         }
     }
     g_array_append_val(contacts, new);
+}
+
+/* How much of one segment of the ray's material lies in each lane's interval, at most. */
+static void find_overlaps(const Tile *tile, const float *low, const float *high, float *overlap)
+{
+    const NcDexelTile *rays = tile->ray.tile;
+    double origin = coordinate(tile->lanes.origin, tile->ray.axis);
+    memset(overlap, 0, NC_GROUP * sizeof *overlap);
+    for (uint32_t k = rays->first[tile->ray.ray]; k < rays->first[tile->ray.ray + 1]; k += 2)
+        nc_lanes_overlap(&tile->lanes, low, high, from_origin(tile, origin, &rays->ends[k]),
+                         from_origin(tile, origin, &rays->ends[k + 1]), overlap);
 }
 
 /* Chord by chord, and of each its parts from the tip up: what the cutting part has taken the shank
