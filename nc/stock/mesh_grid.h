@@ -33,8 +33,7 @@ typedef struct {
     NcCellPatches *table;
 } NcMeshGrid;
 
-/* A node is in where it lies in material of all three of its rays: they disagree only where it lies
- * on the surface, within rounding, and there it is out. */
+/* A node is in where its ray along Z has it in material: the other two agree (dexel.h). */
 NcMeshGrid *nc_mesh_grid_new(const NcStock *stock);
 void nc_mesh_grid_free(NcMeshGrid *grid);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(NcMeshGrid, nc_mesh_grid_free)
