@@ -325,7 +325,7 @@ static void random_cuts(void)
                                         random_point(random), random_point(random));
             cut(stock, &move, 1);
         }
-        g_autoptr(NcMesh) mesh = mesh_of(stock, pitch);
+        nc_mesh_free(mesh_of(stock, pitch));
     }
     g_rand_free(random);
 }
@@ -345,7 +345,7 @@ static void thin_walls(void)
             move_to(1, 4, seg_vec3(12, 12, 9), seg_vec3(12, 12, -6 + walls[i])),
         };
         cut(stock, moves, G_N_ELEMENTS(moves));
-        g_autoptr(NcMesh) mesh = mesh_of(stock, pitch);
+        nc_mesh_free(mesh_of(stock, pitch));
     }
 }
 

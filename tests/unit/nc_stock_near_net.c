@@ -103,8 +103,7 @@ static void overlapping_boxes(void)
     g_autoptr(NcMesh) mesh = near_net(part, 0.2, 0.25);
     g_assert_cmpuint(test_mesh_shells(mesh), ==, 1);
     /* Where both stick out of each other their roundings run together: second order in r. */
-    const double r = 0.25, apart = 160 + 60 - 3 * 4 * 2,
-                 area = 192 + 112 - 52;
+    const double r = 0.25, apart = 160 + 60 - 3 * 4 * 2, area = 192 + 112 - 52;
     g_assert_cmpfloat(test_mesh_volume_mm3(mesh), >, apart + 0.8 * r * area);
     g_assert_cmpfloat(test_mesh_volume_mm3(mesh), <, apart + 1.2 * r * area);
 }
