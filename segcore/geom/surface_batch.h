@@ -10,7 +10,8 @@
 
 #include "segcore/geom/bspline.h"
 
-/* The hot loops once for each kind of vector unit. Same digits in all: nothing is fused. */
+/* The hot loops once for each kind of vector unit. Same digits in all: nothing is fused. Not under
+ * the address sanitizer, which is not up yet when the loader chooses among them. */
 #if defined(__x86_64__) && defined(__gnu_linux__) && !defined(__SANITIZE_ADDRESS__) &&             \
     !defined(__clang__)
 #define SEG_VECTOR_CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
@@ -39,14 +40,17 @@ typedef struct {
     double noise[SEG_N_NOISES][SEG_CHUNK_ROOM];
 } SegChunk;
 
-/* Sixteen roundings of the sum of one coordinate of poles, none larger than `largest`, with these
- * basis functions or derivatives, `step` apart. */
-static inline double seg_noise(double largest, const double *basis, int degree, size_t step)
+/* As many roundings are taken for possible. */
+#define SEG_NOISE (16 * DBL_EPSILON)
+
+/* The noise of the sum of one coordinate of poles, none larger than `largest`, with these basis
+ * functions or derivatives. */
+static inline double seg_noise(double largest, const double *basis, int degree)
 {
     double sum = 0;
     for (int j = 0; j <= degree; j++)
-        sum += fabs(basis[(size_t)j * step]);
-    return 16 * DBL_EPSILON * largest * sum;
+        sum += fabs(basis[j]);
+    return SEG_NOISE * largest * sum;
 }
 
 /* The largest coordinate of a surface's poles. */

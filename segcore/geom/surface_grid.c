@@ -77,8 +77,8 @@ static void prepare_v(Grid *g, const double *v)
         for (size_t o = 0; o < 3; o++)
             for (size_t j = 0; j <= (size_t)q; j++)
                 g->basis[(o * (size_t)(q + 1) + j) * g->step + k] = basis[o][j];
-        g->noise_v[k] = seg_noise(g->largest, basis[1], q, 1);
-        g->noise_vv[k] = seg_noise(g->largest, basis[2], q, 1);
+        g->noise_v[k] = seg_noise(g->largest, basis[1], q);
+        g->noise_vv[k] = seg_noise(g->largest, basis[2], q);
         Run *last = g->n_runs > 0 ? &g->runs[g->n_runs - 1] : NULL;
         if (last && last->span == span && k % SEG_CHUNK != 0)
             last->n++;
@@ -149,8 +149,8 @@ static void sum_over_u(const Grid *g, double u, SegChunk *chunk)
     int span = seg_knot_span(knots, s->degree_u, s->n_u, u);
     double basis[3][SEG_MAX_DEGREE + 1];
     seg_basis(knots, s->degree_u, span, u, 2, basis);
-    double noise_u = seg_noise(g->largest, basis[1], s->degree_u, 1);
-    double noise_uu = seg_noise(g->largest, basis[2], s->degree_u, 1);
+    double noise_u = seg_noise(g->largest, basis[1], s->degree_u);
+    double noise_uu = seg_noise(g->largest, basis[2], s->degree_u);
     for (size_t k = 0; k < SEG_CHUNK_ROOM; k++) {
         chunk->noise[SEG_NOISE_U][k] = noise_u;
         chunk->noise[SEG_NOISE_UU][k] = noise_uu;

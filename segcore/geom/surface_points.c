@@ -137,12 +137,22 @@ static void evaluate_basis(Axis *a, const double *t, size_t n)
     }
 }
 
+/* seg_noise of all lanes. */
+SEG_VECTOR_CLONES
+static void sum_noise(const Lanes *basis, int degree, double largest, double *noise)
+{
+    memset(noise, 0, sizeof(Lanes));
+    for (int j = 0; j <= degree; j++) {
+#pragma omp simd
+        for (int k = 0; k < SEG_CHUNK; k++)
+            noise[k] += SEG_NOISE * largest * fabs(basis[j][k]);
+    }
+}
+
 static void measure_noise(const Axis *a, double largest, double *first, double *second)
 {
-    for (size_t k = 0; k < SEG_CHUNK; k++) {
-        first[k] = seg_noise(largest, &a->basis[1][0][k], a->degree, SEG_CHUNK);
-        second[k] = seg_noise(largest, &a->basis[2][0][k], a->degree, SEG_CHUNK);
-    }
+    sum_noise(a->basis[1], a->degree, largest, first);
+    sum_noise(a->basis[2], a->degree, largest, second);
 }
 
 /* ------------------------------------------------------------------ poles */
