@@ -6,9 +6,8 @@
 #include <string.h>
 #include <time.h>
 
-#include <glib/gstdio.h>
-
 #include "tests/lib/gcode.h"
+#include "tests/lib/test.h"
 
 enum { MOVES = 1000000, RUNS = 3 };
 
@@ -64,14 +63,15 @@ static guint read_lines(const char *text, gsize length, const CfgMachine *machin
 /* Seconds of LinuxCNC's rs274, which prints its calls to nowhere; 0: not to be had. */
 static double judge_s(const char *text, gsize length)
 {
-    g_autofree char *path = g_build_filename(g_get_tmp_dir(), "segmill-bench.ngc", NULL);
+    char *folder = test_folder();
+    g_autofree char *path = g_build_filename(folder, "long.ngc", NULL);
     g_autofree char *command = g_strdup_printf("bash tests/ci/rs274.sh --time %s", path);
     g_autofree char *answer = NULL;
     double seconds = 0.0;
     if (g_file_set_contents(path, text, (gssize)length, NULL) &&
         g_spawn_command_line_sync(command, &answer, NULL, NULL, NULL))
         seconds = g_ascii_strtod(answer, NULL);
-    g_unlink(path);
+    test_folder_remove(folder);
     return seconds;
 }
 
