@@ -118,7 +118,7 @@ bool nc_dexel_near_node(const NcStock *stock, int axis, int32_t depth, SegVec3 n
     double error_mm = stock->unit_mm + 2 * NC_SWEEP_ERROR_MM / fmax(fabs(across[axis]), 1e-6);
     int32_t half = 1 << (stock->shift - 1);
     *node = (depth + half) >> stock->shift;
-    return abs(depth - (*node << stock->shift)) * stock->unit_mm <= error_mm;
+    return abs(depth - nc_dexel_node_depth(stock, *node)) * stock->unit_mm <= error_mm;
 }
 
 void nc_dexel_tile_occupy(const NcStock *stock, int axis, NcDexelTile *tile)

@@ -81,6 +81,11 @@ static inline double nc_dexel_node_mm(const NcStock *stock, int axis, int32_t no
     return stock->node_mm[axis] + node * stock->pitch_mm;
 }
 
+static inline int32_t nc_dexel_node_depth(const NcStock *stock, int32_t node)
+{
+    return node * (1 << stock->shift);
+}
+
 static inline double nc_dexel_mm(const NcStock *stock, int axis, int32_t depth)
 {
     return stock->node_mm[axis] + depth * stock->unit_mm;
@@ -133,7 +138,7 @@ void nc_dexel_tile_occupy(const NcStock *stock, int axis, NcDexelTile *tile);
 static inline int nc_dexel_part(const NcStock *stock, int axis, int32_t depth)
 {
     int64_t span = (int64_t)(stock->n_nodes[axis] + 1) << stock->shift;
-    int64_t part = (((int64_t)depth + ((int64_t)1 << stock->shift)) << 6) / span;
+    int64_t part = ((int64_t)depth + ((int64_t)1 << stock->shift)) * 64 / span;
     return part < 0 ? 0 : part > 63 ? 63 : (int)part;
 }
 

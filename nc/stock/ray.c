@@ -61,7 +61,7 @@ static void make_end(const NcRay *ray, const NcBody *body, const NcChord *chord,
         SegVec3 p =
             nc_dexel_point(ray->axis, ray->origin, nc_dexel_node_mm(stock, ray->axis, node));
         bool swept = nc_swept_contains(body, chord->a, chord->b, p);
-        end->depth = (node << stock->shift) + (swept == lower ? -1 : 1);
+        end->depth = nc_dexel_node_depth(stock, node) + (swept == lower ? -1 : 1);
     }
 }
 

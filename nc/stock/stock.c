@@ -20,7 +20,7 @@ static void fill_box_axis(NcStock *stock, int axis)
 {
     const double min[3] = {stock->min.x, stock->min.y, stock->min.z};
     const double max[3] = {stock->max.x, stock->max.y, stock->max.z};
-    int32_t last = (stock->n_nodes[axis] - 1) << stock->shift;
+    int32_t last = nc_dexel_node_depth(stock, stock->n_nodes[axis] - 1);
     SegVec3 up = {axis == 0, axis == 1, axis == 2};
     NcDexelEnd in = {.depth = MIN(nc_dexel_depth(stock, axis, min[axis]), -1)};
     NcDexelEnd out = {.depth = MAX(nc_dexel_depth(stock, axis, max[axis]), last + 1)};
@@ -52,7 +52,7 @@ static NcDexelEnd body_end(const NcStock *stock, const NcFill *fill, const NcBod
     if (nc_dexel_near_node(stock, fill->axis, end.depth, normal, &node)) {
         SegVec3 p = nc_fill_node(fill, node);
         bool above = nc_swept_contains(body, base, base, p) == out;
-        end.depth = (node << stock->shift) + (above ? 1 : -1);
+        end.depth = nc_dexel_node_depth(stock, node) + (above ? 1 : -1);
     }
     return end;
 }

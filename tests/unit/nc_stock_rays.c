@@ -121,7 +121,7 @@ static void test_naive(void)
 static bool is_material(const NcStock *stock, int axis, const int32_t node[3])
 {
     size_t n;
-    int32_t depth = node[axis] << stock->shift;
+    int32_t depth = nc_dexel_node_depth(stock, node[axis]);
     const NcDexelEnd *ends =
         nc_dexel_ray(stock, axis, node[(axis + 1) % 3], node[(axis + 2) % 3], &n);
     for (size_t i = 0; i < n; i += 2)
