@@ -64,8 +64,8 @@ G_DEFINE_AUTOPTR_CLEANUP_FUNC(SegSurfaceBatch, seg_surface_batch_free)
 /*
  * Evaluates the face's B-spline surface at every (u[i], v[j]): point i·n_v + j of `out`, which has
  * n_u · n_v or more. Outside the knot range the nearest inside is taken; loops are not looked at
- * (seg_polygons_grid does). Basis functions once a line, poles summed over u once a row. A face
- * without a surface gives degenerate points.
+ * (seg_polygons_grid does). Basis functions once a line, poles summed over u once a row. Of a
+ * face without a surface only the flags are set: degenerate.
  */
 void seg_face_grid(const SegPart *part, int32_t face, const double *u, size_t n_u, const double *v,
                    size_t n_v, SegSurfaceBatch *out);
