@@ -19,18 +19,19 @@ typedef struct {
 
 static void drill(NcExecution *x, const Hole *hole);
 
-static NcMove *go(NcExecution *x, NcMoveKind kind, int axis, double value)
+static void go_to(NcExecution *x, NcMoveKind kind, SegVec3 to)
 {
     NcMove *made = nc_append_move(x, kind);
-    *nc_axis(&made->to, axis) = value;
-    x->modal.position = made->to;
-    return made;
+    made->to = x->modal.position = to;
+    if (x->modal.surface_speed)
+        nc_move_speeds(x, made);
 }
 
-static void go_to(NcExecution *x, SegVec3 to)
+static void go(NcExecution *x, NcMoveKind kind, int axis, double value)
 {
-    nc_append_move(x, NC_MOVE_RAPID)->to = to;
-    x->modal.position = to;
+    SegVec3 to = x->modal.position;
+    *nc_axis(&to, axis) = value;
+    go_to(x, kind, to);
 }
 
 /* A word of the block, or the same cycle's last one. */
@@ -138,7 +139,7 @@ bool nc_run_cycle(NcExecution *x, SegVec3 target, GError **error)
         if (i > 0 && modal->incremental)
             target = seg_add(modal->position, step);
         *nc_axis(&target, axes.normal) = level;
-        go_to(x, target);
+        go_to(x, NC_MOVE_RAPID, target);
         if (level != hole.r)
             go(x, NC_MOVE_RAPID, axes.normal, hole.r);
         drill(x, &hole);
@@ -226,19 +227,19 @@ static void bore_back(NcExecution *x, const Hole *hole)
     *nc_axis(&beside, hole->axes.first) += offset[hole->axes.first];
     *nc_axis(&beside, hole->axes.second) += offset[hole->axes.second];
     *nc_axis(&below, hole->normal) = hole->bottom;
-    go_to(x, beside);
+    go_to(x, NC_MOVE_RAPID, beside);
     stop_turned(x);
     go(x, NC_MOVE_RAPID, hole->normal, hole->bottom);
-    go_to(x, below);
+    go_to(x, NC_MOVE_RAPID, below);
     turn(x, direction);
     go(x, NC_MOVE_FEED, hole->normal, hole->top);
     go(x, NC_MOVE_FEED, hole->normal, hole->bottom);
     stop_turned(x);
     *nc_axis(&beside, hole->normal) = hole->bottom;
-    go_to(x, beside);
+    go_to(x, NC_MOVE_RAPID, beside);
     go(x, NC_MOVE_RAPID, hole->normal, hole->clear);
     *nc_axis(&below, hole->normal) = hole->clear;
-    go_to(x, below);
+    go_to(x, NC_MOVE_RAPID, below);
     turn(x, direction);
 }
 

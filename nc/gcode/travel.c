@@ -133,6 +133,8 @@ static void end_at(NcExecution *x, NcMove *move, const NcPlace *to)
     move->to_deg[0] = to->deg.x;
     move->to_deg[1] = to->deg.y;
     move->to_deg[2] = to->deg.z;
+    if (x->modal.surface_speed)
+        nc_move_speeds(x, move);
 }
 
 static NcMove *go_to(NcExecution *x, NcMoveKind kind, const NcPlace *to)
@@ -177,11 +179,9 @@ static void set_feed(const NcExecution *x, NcMove *move)
     }
 }
 
-/* What depends on where the move leads. */
-static void set_speeds(const NcExecution *x, NcMove *move)
+/* A feed that depends on where the move leads. */
+static void set_own_feed(const NcExecution *x, NcMove *move)
 {
-    if (x->modal.surface_speed)
-        nc_move_speeds(x, move);
     if (move->kind != NC_MOVE_RAPID &&
         (x->modal.feed_mode == NC_FEED_INVERSE || (x->block->by.letters & NC_ROTARY_AXES)))
         set_feed(x, move);
@@ -193,7 +193,7 @@ static void straight(NcExecution *x, NcMoveKind kind, bool machine_coordinates)
     find_target(x, machine_coordinates, &to);
     NcMove *made = go_to(x, kind, &to);
     made->machine_coordinates = machine_coordinates;
-    set_speeds(x, made);
+    set_own_feed(x, made);
 }
 
 static bool arc(NcExecution *x, const NcPlace *to, GError **error)
@@ -208,7 +208,7 @@ static bool arc(NcExecution *x, const NcPlace *to, GError **error)
     NcMove *made = go_to(x, NC_MOVE_ARC, to);
     made->centre = centre;
     made->turn = block->motion == 30 ? turns : -turns;
-    set_speeds(x, made);
+    set_own_feed(x, made);
     return true;
 }
 
@@ -254,7 +254,7 @@ static bool probe(NcExecution *x, const NcPlace *to, GError **error)
         return nc_word_error(error, x->modal.line, word,
                              "begins where it ends: there is nothing to probe");
     NcMove *made = go_to(x, NC_MOVE_PROBE, to);
-    set_speeds(x, made);
+    set_own_feed(x, made);
     SegVec3 where = to->mm;
     const bool touched = x->probe && x->probe(made, away, &where, x->probe_data);
     if (x->probe && must && !touched)
