@@ -220,8 +220,6 @@ static void test_memory(void)
 {
     g_autoptr(GError) error = NULL;
     NcStockOptions options = {0.25, 0};
-    g_autoptr(NcStock) first =
-        nc_stock_new_box(seg_vec3(0, 0, -10), seg_vec3(40, 40, 0), &NC_STOCK_DEFAULTS, &error);
     TestProgram program;
     options.memory_bytes = 4 << 20;
     g_autoptr(NcStock) stock =
