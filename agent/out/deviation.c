@@ -143,11 +143,11 @@ static void draw_scale(cairo_t *cr, double top, const NcVerdict *verdict)
         double mm;
         const char *what;
     } marks[] = {{verdict->excess_limit_mm, "excess: scallop + tolerance"},
-                 {0, "the CAD face (and the stock to leave)"},
+                 {0, "as the CAD face wants it"},
                  {-verdict->gouge_limit_mm, "gouge: tolerance"}};
     for (size_t i = 0; i < G_N_ELEMENTS(marks); i++) {
         double y = top + SCALE_HEIGHT * (high - marks[i].mm) / (high - low);
-        g_autofree char *text = g_strdup_printf("%+.4g mm  %s", marks[i].mm, marks[i].what);
+        g_autofree char *text = g_strdup_printf("%.4g mm  %s", marks[i].mm, marks[i].what);
         cairo_move_to(cr, AGENT_VIEW, y);
         cairo_line_to(cr, AGENT_VIEW + 40, y);
         cairo_stroke(cr);

@@ -2,19 +2,18 @@
 #include "nc/stock/probe.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "nc/motion.h"
+#include "nc/stock/chords.h"
+#include "nc/stock/ray.h"
 #include "nc/stock/sweep.h"
 
 /* A move is looked up by the square that its middle lies in; longer ones are cut up, so that they
- * lie near it. */
-#define CELLS_A_RADIUS 4
+ * lie near it. A square holds about so many, and is no wider than a share of the tool's radius. */
+#define CELL_PIECES 16
+#define CELL_SHARE 0.25
 #define CELLS_MOST 4000000
 #define PIECES_MOST 200000000
-
-/* Two sweeps this near to each other leave nothing between them that could stand. */
-#define FILM_MM 1e-6
 
 /* A straight move, or a bit of one, of the tip; with what rejects it fast. */
 typedef struct {
@@ -25,15 +24,21 @@ typedef struct {
     uint32_t cell;
 } Piece;
 
+/* The pieces [first, that of the next cell), and the box around their tips. */
+typedef struct {
+    size_t first;
+    SegVec3 low, high;
+} Cell;
+
 /* The moves of one tool. */
 typedef struct {
     int number;
     NcBody body;
     double length_mm;
     double longest; /* level length of a piece at most */
-    double x0, y0, cell;
+    double x0, y0, side;
     size_t nx, ny;
-    size_t *first; /* piece of each cell; nx · ny + 1 */
+    Cell *cells; /* nx · ny, and one behind them */
     GArray *pieces;
 } Layer;
 
@@ -44,51 +49,46 @@ struct NcProbing {
 /* One line, while it is being cut. */
 typedef struct {
     SegVec3 point, normal;
-    double reach;  /* only what comes this near to the point counts */
-    double inward; /* where the material begins again, <= 0 */
-    double outward;
-    bool gone; /* there is none at the point */
+    double inward;  /* where the material begins again, <= 0 */
+    double outward; /* where it ends, >= 0 */
+    bool gone;      /* there is none at the point */
     size_t move;
-    const Piece *lowest; /* over the point; NULL: none is */
-    const Layer *lowest_layer;
-    double lowest_mm;
-    double support_mm; /* of the layer being visited: the normal's least product with its body */
 } Line;
 
-static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTable *tools,
-                       GError **error);
+/* What a line is to a tool: how far inward it reaches from its tip along the line's normal. */
+typedef struct {
+    double support_mm; /* least product of the normal with a point of the body */
+    SegVec3 at;        /* that point, from the tip */
+} Support;
+
+static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTable *tools);
 static bool add_move(Layer *layer, const NcMove *move, size_t index, SegVec3 zero, GError **error);
 static void sort_into_cells(Layer *layer);
-static void visit(const Layer *layer, Line *line,
-                  void (*meet)(const Layer *, const Piece *, Line *));
-static double support(const NcBody *body, SegVec3 n);
-static void find_lowest(const Layer *layer, const Piece *piece, Line *line);
-static void meet_outward(const Layer *layer, const Piece *piece, Line *line);
-static void meet_inward(const Layer *layer, const Piece *piece, Line *line);
+static void bound_cells(Layer *layer);
+static Support support_of(const NcBody *body, SegVec3 n);
+static const Piece *likely(const Layer *layer, const Support *support, const Line *line);
+static void visit(const Layer *layer, const Support *support, Line *line);
+static void meet(const Layer *layer, const Piece *piece, Line *line);
 
 static void layer_clear(void *data)
 {
     Layer *layer = data;
     g_array_unref(layer->pieces);
-    g_free(layer->first);
+    g_free(layer->cells);
 }
 
 NcProbing *nc_probing_new(const NcMove *moves, size_t n, SegVec3 zero, const CfgToolTable *tools,
                           GError **error)
 {
+    if (!nc_chords_check(moves, n, tools, error))
+        return NULL;
     g_autoptr(NcProbing) probing = g_new0(NcProbing, 1);
     probing->layers = g_array_new(FALSE, TRUE, sizeof(Layer));
     g_array_set_clear_func(probing->layers, layer_clear);
-    for (size_t i = 0; i < n; i++) {
-        const NcMove *move = &moves[i];
-        bool travels =
-            move->kind == NC_MOVE_RAPID || move->kind == NC_MOVE_FEED || move->kind == NC_MOVE_ARC;
-        if (!travels || move->tool == 0)
-            continue;
-        Layer *layer = layer_of(probing, move, tools, error);
-        if (!layer || !add_move(layer, move, i, zero, error))
+    for (size_t i = 0; i < n; i++)
+        if (nc_chords_wanted(&moves[i]) &&
+            !add_move(layer_of(probing, &moves[i], tools), &moves[i], i, zero, error))
             return NULL;
-    }
     for (guint i = 0; i < probing->layers->len; i++)
         sort_into_cells(&g_array_index(probing->layers, Layer, i));
     return g_steal_pointer(&probing);
@@ -106,33 +106,65 @@ NcProbed nc_probing_measure(const NcProbing *probing, SegVec3 point, SegVec3 nor
                             double stock_mm)
 {
     const GArray *layers = probing->layers;
-    Line line = {.point = point, .normal = normal, .move = NC_PROBING_UNCUT, .lowest_mm = INFINITY};
+    Line line = {.point = point, .normal = normal, .move = NC_PROBING_UNCUT};
     line.outward = fmax(stock_mm, 0);
     line.inward = fmin(stock_mm, 0);
     line.gone = stock_mm <= 0;
-    /* The move that lies lowest over the point is likely to be it, and rules most others out. */
-    for (guint i = 0; i < layers->len; i++)
-        visit(&g_array_index(layers, Layer, i), &line, find_lowest);
-    if (line.lowest) {
-        line.support_mm = support(&line.lowest_layer->body, normal);
-        meet_outward(line.lowest_layer, line.lowest, &line);
+    /* The move that most likely made the surface rules most others out. */
+    for (guint i = 0; i < layers->len; i++) {
+        const Layer *layer = &g_array_index(layers, Layer, i);
+        const Support support = support_of(&layer->body, normal);
+        const Piece *first = likely(layer, &support, &line);
+        if (first)
+            meet(layer, first, &line);
     }
-    for (guint i = 0; i < layers->len && !line.gone; i++) {
-        line.reach = line.outward;
-        visit(&g_array_index(layers, Layer, i), &line, meet_outward);
-    }
-    if (!line.gone)
-        return (NcProbed){line.outward, line.move};
     double before;
+    bool was_gone;
     do {
         before = line.inward;
-        for (guint i = 0; i < layers->len; i++)
-            visit(&g_array_index(layers, Layer, i), &line, meet_inward);
-    } while (line.inward < before);
-    return (NcProbed){line.inward, line.move};
+        was_gone = line.gone;
+        for (guint i = 0; i < layers->len; i++) {
+            const Layer *layer = &g_array_index(layers, Layer, i);
+            const Support support = support_of(&layer->body, normal);
+            visit(layer, &support, &line);
+        }
+    } while (line.gone && (!was_gone || line.inward < before));
+    return (NcProbed){line.gone ? line.inward : line.outward, line.move};
 }
 
 /* ------------------------------------------------------------------------- lines */
+
+/* Only what sweeps a place further inward than this can change the line. */
+static double bound_of(const Line *line)
+{
+    return line->gone ? line->inward : line->outward;
+}
+
+/* And only what comes this near to its point. */
+static double reach_of(const Line *line)
+{
+    return line->gone ? NC_FILM_MM - line->inward : line->outward;
+}
+
+static Support support_of(const NcBody *body, SegVec3 n)
+{
+    double level = sqrt(n.x * n.x + n.y * n.y);
+    SegVec3 out = level > 0 ? seg_vec3(n.x / level, n.y / level, 0) : seg_vec3(0, 0, 0);
+    const NcRoundedDisc *r = &body->rounded;
+    Support support = {INFINITY, {0, 0, 0}};
+    if (r->round > 0) {
+        SegVec3 rim = seg_along(seg_vec3(0, 0, r->centre), out, -r->disc);
+        support = (Support){seg_dot(n, rim) - r->round, seg_along(rim, n, -r->round)};
+    }
+    for (int i = 0; i < 2 * body->n_frusta; i++) {
+        const NcFrustum *f = &body->frustum[i / 2];
+        SegVec3 rim =
+            seg_along(seg_vec3(0, 0, i % 2 ? f->z1 : f->z0), out, i % 2 ? -f->r1 : -f->r0);
+        if (seg_dot(n, rim) < support.support_mm)
+            support = (Support){seg_dot(n, rim), rim};
+    }
+    return support;
+}
 
 static double level_distance2(const Piece *piece, SegVec3 p)
 {
@@ -145,85 +177,37 @@ static double level_distance2(const Piece *piece, SegVec3 p)
     return px * px + py * py;
 }
 
-/* Can the sweep come within `reach` of the point? */
-static bool comes_near(const Layer *layer, const Piece *piece, SegVec3 p, double reach)
+/* Can a body whose tip is no lower than `bottom`, this far from the point, come within reach? */
+static bool comes_near(const NcBody *body, double bottom, double distance2, SegVec3 p, double reach)
 {
-    double height = p.z + reach - piece->bottom, most = layer->body.radius + reach;
-    if (height < 0)
+    double height = p.z + reach - bottom, most = body->radius + reach;
+    if (height < 0 || distance2 > most * most)
         return false;
-    double distance2 = level_distance2(piece, p);
-    if (distance2 > most * most)
-        return false;
-    most = nc_body_radius_mm(&layer->body, height) + reach;
+    most = nc_body_radius_mm(body, height) + reach;
     return distance2 <= most * most;
 }
 
-/* No point of the sweep lies further inward along the line than this: its plane of support. */
-static double innermost(const Piece *piece, const Line *line)
-{
-    SegVec3 n = line->normal;
-    double a = seg_dot(n, seg_sub(piece->a, line->point));
-    double b = seg_dot(n, seg_sub(piece->b, line->point));
-    return (a < b ? a : b) + line->support_mm;
-}
-
-/* The least product of the unit vector n with a point of the body. */
-static double support(const NcBody *body, SegVec3 n)
-{
-    double level = sqrt(n.x * n.x + n.y * n.y), least = INFINITY;
-    const NcRoundedDisc *r = &body->rounded;
-    if (r->round > 0)
-        least = n.z * r->centre - level * r->disc - r->round;
-    for (int i = 0; i < body->n_frusta; i++) {
-        const NcFrustum *f = &body->frustum[i];
-        least = fmin(least, fmin(n.z * f->z0 - level * f->r0, n.z * f->z1 - level * f->r1));
-    }
-    return least;
-}
-
-static void find_lowest(const Layer *layer, const Piece *piece, Line *line)
-{
-    double distance2 = level_distance2(piece, line->point), radius = layer->body.radius;
-    if (piece->bottom >= line->lowest_mm || distance2 > radius * radius)
-        return;
-    double z = piece->bottom + nc_body_height_mm(&layer->body, sqrt(distance2));
-    if (z >= line->lowest_mm)
-        return;
-    line->lowest_mm = z;
-    line->lowest = piece;
-    line->lowest_layer = layer;
-}
-
-static void meet_outward(const Layer *layer, const Piece *piece, Line *line)
+static void meet(const Layer *layer, const Piece *piece, Line *line)
 {
     double from, to;
-    if (line->gone || innermost(piece, line) > line->outward ||
-        !comes_near(layer, piece, line->point, line->outward) ||
-        !nc_swept_interval(&layer->body, piece->a, piece->b, line->point, line->normal, &from, &to,
+    if (!nc_swept_interval(&layer->body, piece->a, piece->b, line->point, line->normal, &from, &to,
                            NULL))
         return;
-    if (to <= 0)
-        return;
-    if (from <= 0) {
-        line->gone = true;
-        line->reach = 0;
-        line->move = piece->move;
-    } else if (from < line->outward || (from == line->outward && piece->move < line->move)) {
-        line->outward = from;
+    if (!line->gone) {
+        if (to <= 0)
+            return;
+        if (from <= 0) {
+            line->gone = true;
+        } else if (from < line->outward || (from == line->outward && piece->move < line->move)) {
+            line->outward = from;
+            line->move = piece->move;
+        }
+        if (!line->gone)
+            return;
         line->move = piece->move;
     }
-}
-
-/* The removed stretch around the point grows inward. */
-static void meet_inward(const Layer *layer, const Piece *piece, Line *line)
-{
-    double from, to;
-    if (innermost(piece, line) > line->inward ||
-        !comes_near(layer, piece, line->point, FILM_MM - line->inward) ||
-        !nc_swept_interval(&layer->body, piece->a, piece->b, line->point, line->normal, &from, &to,
-                           NULL))
-        return;
-    if (to < line->inward - FILM_MM || from > line->inward)
+    /* The stretch without material around the point grows inward. */
+    if (to < line->inward - NC_FILM_MM || from > line->inward)
         return;
     if (from < line->inward || piece->move < line->move) {
         line->inward = from;
@@ -231,39 +215,97 @@ static void meet_inward(const Layer *layer, const Piece *piece, Line *line)
     }
 }
 
-static size_t cell_of(double at, double from, double cell, size_t n)
+static void visit_cell(const Layer *layer, const Support *support, size_t cell, Line *line)
 {
-    double i = floor((at - from) / cell);
+    SegVec3 n = line->normal, p = line->point;
+    const Piece *pieces = (const Piece *)(const void *)layer->pieces->data;
+    for (size_t k = layer->cells[cell].first; k < layer->cells[cell + 1].first; k++) {
+        const Piece *piece = &pieces[k];
+        double a = seg_dot(n, seg_sub(piece->a, p)), b = seg_dot(n, seg_sub(piece->b, p));
+        if ((a < b ? a : b) + support->support_mm <= bound_of(line) &&
+            comes_near(&layer->body, piece->bottom, level_distance2(piece, p), p, reach_of(line)))
+            meet(layer, piece, line);
+    }
+}
+
+/* Can any piece of the cell change the line? */
+static bool cell_matters(const Layer *layer, const Support *support, const Cell *cell,
+                         const Line *line)
+{
+    SegVec3 n = line->normal, p = line->point;
+    double innermost = n.x * ((n.x > 0 ? cell->low.x : cell->high.x) - p.x) +
+                       n.y * ((n.y > 0 ? cell->low.y : cell->high.y) - p.y) +
+                       n.z * ((n.z > 0 ? cell->low.z : cell->high.z) - p.z) + support->support_mm;
+    if (innermost > bound_of(line))
+        return false;
+    double dx = p.x < cell->low.x ? cell->low.x - p.x : p.x > cell->high.x ? p.x - cell->high.x : 0;
+    double dy = p.y < cell->low.y ? cell->low.y - p.y : p.y > cell->high.y ? p.y - cell->high.y : 0;
+    return comes_near(&layer->body, cell->low.z, dx * dx + dy * dy, p, reach_of(line));
+}
+
+static size_t cell_of(double at, double from, double side, size_t n)
+{
+    double i = floor((at - from) / side);
     return (size_t)fmin(fmax(i, 0), (double)(n - 1));
 }
 
-/* Meets every piece that can come within the line's reach of its point. */
-static void visit(const Layer *layer, Line *line,
-                  void (*meet)(const Layer *, const Piece *, Line *))
+typedef struct {
+    size_t i0, i1, j0, j1;
+} Window;
+
+/* The cells around a place; false where it is too far from all of them. */
+static bool window_of(const Layer *layer, SegVec3 p, double around, Window *window)
 {
-    double reach = fmax(line->reach, FILM_MM - line->inward);
-    double around = layer->body.radius + layer->longest / 2 + reach;
-    SegVec3 p = line->point;
-    if (p.x + around < layer->x0 || p.x - around > layer->x0 + layer->cell * (double)layer->nx ||
-        p.y + around < layer->y0 || p.y - around > layer->y0 + layer->cell * (double)layer->ny)
+    if (p.x + around < layer->x0 || p.x - around > layer->x0 + layer->side * (double)layer->nx ||
+        p.y + around < layer->y0 || p.y - around > layer->y0 + layer->side * (double)layer->ny)
+        return false;
+    window->i0 = cell_of(p.x - around, layer->x0, layer->side, layer->nx);
+    window->i1 = cell_of(p.x + around, layer->x0, layer->side, layer->nx);
+    window->j0 = cell_of(p.y - around, layer->y0, layer->side, layer->ny);
+    window->j1 = cell_of(p.y + around, layer->y0, layer->side, layer->ny);
+    return true;
+}
+
+/* Meets every piece that can change the line. */
+static void visit(const Layer *layer, const Support *support, Line *line)
+{
+    Window w;
+    double around = layer->body.radius + layer->longest / 2 + reach_of(line);
+    if (!window_of(layer, line->point, around, &w))
         return;
-    line->support_mm = support(&layer->body, line->normal);
-    size_t i0 = cell_of(p.x - around, layer->x0, layer->cell, layer->nx);
-    size_t i1 = cell_of(p.x + around, layer->x0, layer->cell, layer->nx);
-    size_t j0 = cell_of(p.y - around, layer->y0, layer->cell, layer->ny);
-    size_t j1 = cell_of(p.y + around, layer->y0, layer->cell, layer->ny);
-    const Piece *pieces = (const Piece *)(const void *)layer->pieces->data;
-    for (size_t i = i0; i <= i1; i++) {
-        const size_t *first = &layer->first[i * layer->ny];
-        for (size_t k = first[j0], end = first[j1 + 1]; k < end; k++)
-            meet(layer, &pieces[k], line);
-    }
+    for (size_t i = w.i0; i <= w.i1; i++)
+        for (size_t cell = i * layer->ny + w.j0; cell <= i * layer->ny + w.j1; cell++)
+            if (layer->cells[cell].first < layer->cells[cell + 1].first &&
+                cell_matters(layer, support, &layer->cells[cell], line))
+                visit_cell(layer, support, cell, line);
+}
+
+/* A tool that touches the point square to the line has its tip at one place; the piece nearest to
+ * that, or NULL where none is near. */
+static const Piece *likely(const Layer *layer, const Support *support, const Line *line)
+{
+    SegVec3 tip = seg_sub(line->point, support->at);
+    Window w;
+    if (!window_of(layer, tip, layer->side, &w))
+        return NULL;
+    const Piece *pieces = (const Piece *)(const void *)layer->pieces->data, *best = NULL;
+    double least = INFINITY;
+    for (size_t i = w.i0; i <= w.i1; i++)
+        for (size_t k = layer->cells[i * layer->ny + w.j0].first;
+             k < layer->cells[i * layer->ny + w.j1 + 1].first; k++) {
+            double dz = pieces[k].bottom - tip.z;
+            double distance2 = level_distance2(&pieces[k], tip) + dz * dz;
+            if (distance2 < least) {
+                least = distance2;
+                best = &pieces[k];
+            }
+        }
+    return best;
 }
 
 /* ------------------------------------------------------------------------- moves */
 
-static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTable *tools,
-                       GError **error)
+static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTable *tools)
 {
     for (guint i = probing->layers->len; i > 0; i--) {
         Layer *layer = &g_array_index(probing->layers, Layer, i - 1);
@@ -271,26 +313,13 @@ static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTabl
             return layer;
     }
     const CfgTool *tool = cfg_tools_find(tools, move->tool);
-    if (!tool) {
-        g_set_error(error, NC_ERROR, NC_ERROR_PROGRAM,
-                    "line %u: tool %d is not in the tool table, so its shape is not known",
-                    nc_move_block_line(move), move->tool);
-        return NULL;
-    }
-    Layer layer = {
-        .number = move->tool, .body = nc_body_cutting(tool), .length_mm = tool->length_mm};
-    layer.pieces = g_array_new(FALSE, FALSE, sizeof(Piece));
-    layer.longest = layer.body.radius / CELLS_A_RADIUS;
+    Layer layer = {.number = move->tool,
+                   .body = nc_body_cutting(tool),
+                   .length_mm = tool->length_mm,
+                   .pieces = g_array_new(FALSE, FALSE, sizeof(Piece))};
+    layer.longest = CELL_SHARE * layer.body.radius;
     g_array_append_val(probing->layers, layer);
     return &g_array_index(probing->layers, Layer, probing->layers->len - 1);
-}
-
-static bool is_tilted(const NcMove *move)
-{
-    for (int i = 0; i < 3; i++)
-        if (move->from_deg[i] != 0 || move->to_deg[i] != 0)
-            return true;
-    return false;
 }
 
 /* Straight moves are as many pieces as their level length needs, arcs as their sagitta. */
@@ -302,20 +331,13 @@ static size_t pieces_of(const Layer *layer, const NcMove *move)
         double length = nc_move_length_mm(move);
         double radius =
             fmax(seg_distance(move->from, move->centre), seg_distance(move->to, move->centre));
-        n = ceil(length / fmin(sqrt(8 * radius * NC_PROBING_CHORD_MM), layer->longest));
+        n = ceil(length / fmin(sqrt(8 * radius * NC_STOCK_CHORD_MM), layer->longest));
     }
     return (size_t)fmax(fmin(n, PIECES_MOST), 1);
 }
 
 static bool add_move(Layer *layer, const NcMove *move, size_t index, SegVec3 zero, GError **error)
 {
-    if (is_tilted(move)) {
-        g_set_error(error, NC_ERROR, NC_ERROR_PROGRAM,
-                    "line %u: a rotary axis is away from zero; only what is cut in three axes can "
-                    "be measured",
-                    nc_move_block_line(move));
-        return false;
-    }
     size_t n = pieces_of(layer, move);
     if (n + layer->pieces->len > PIECES_MOST) {
         g_set_error(error, NC_ERROR, NC_ERROR_PROGRAM,
@@ -356,19 +378,39 @@ static void sort_into_cells(Layer *layer)
         y1 = fmax(y1, fmax(pieces[i].a.y, pieces[i].b.y));
     }
     double width = fmax(x1 - x0, 1e-3), depth = fmax(y1 - y0, 1e-3);
+    double side = sqrt(width * depth * CELL_PIECES / (double)n);
     layer->x0 = x0;
     layer->y0 = y0;
-    layer->cell = fmax(layer->body.radius / CELLS_A_RADIUS, sqrt(width * depth / CELLS_MOST));
-    layer->nx = (size_t)ceil(width / layer->cell);
-    layer->ny = (size_t)ceil(depth / layer->cell);
-    layer->first = g_new0(size_t, layer->nx * layer->ny + 1);
+    layer->side =
+        fmax(fmin(side, CELL_SHARE * layer->body.radius), sqrt(width * depth / CELLS_MOST));
+    layer->nx = (size_t)ceil(width / layer->side);
+    layer->ny = (size_t)ceil(depth / layer->side);
     for (size_t i = 0; i < n; i++) {
         SegVec3 middle = seg_lerp(pieces[i].a, pieces[i].b, 0.5);
-        pieces[i].cell = (uint32_t)(cell_of(middle.x, x0, layer->cell, layer->nx) * layer->ny +
-                                    cell_of(middle.y, y0, layer->cell, layer->ny));
-        layer->first[pieces[i].cell + 1]++;
+        pieces[i].cell = (uint32_t)(cell_of(middle.x, x0, layer->side, layer->nx) * layer->ny +
+                                    cell_of(middle.y, y0, layer->side, layer->ny));
     }
-    for (size_t c = 0; c < layer->nx * layer->ny; c++)
-        layer->first[c + 1] += layer->first[c];
     qsort(pieces, n, sizeof *pieces, by_cell);
+    bound_cells(layer);
+}
+
+static void bound_cells(Layer *layer)
+{
+    const Piece *pieces = (const Piece *)(const void *)layer->pieces->data;
+    size_t n_cells = layer->nx * layer->ny, k = 0;
+    layer->cells = g_new0(Cell, n_cells + 1);
+    for (size_t c = 0; c < n_cells; c++) {
+        Cell *cell = &layer->cells[c];
+        *cell = (Cell){k, {INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
+        for (; k < layer->pieces->len && pieces[k].cell == c; k++) {
+            SegVec3 a = pieces[k].a, b = pieces[k].b;
+            cell->low =
+                seg_vec3(fmin(cell->low.x, fmin(a.x, b.x)), fmin(cell->low.y, fmin(a.y, b.y)),
+                         fmin(cell->low.z, fmin(a.z, b.z)));
+            cell->high =
+                seg_vec3(fmax(cell->high.x, fmax(a.x, b.x)), fmax(cell->high.y, fmax(a.y, b.y)),
+                         fmax(cell->high.z, fmax(a.z, b.z)));
+        }
+    }
+    layer->cells[n_cells].first = layer->pieces->len;
 }

@@ -8,15 +8,12 @@
 
 #include "nc/stock.h"
 
-/* Arcs are swept as chords that lie this near to them. */
-#define NC_PROBING_CHORD_MM 1e-4
-
 /* The moves of a program by place. Immutable: it may be asked from many threads. */
 typedef struct NcProbing NcProbing;
 
 /* `zero` is the work zero in machine coordinates of the gauge point. The moves (G0 to G3) are read
- * here and not kept. Errors: NC_ERROR_PROGRAM, with the line, for a tool that the table does not
- * have and for moves with a rotary axis away from zero. */
+ * here and not kept; arcs are swept as the chords that nc_stock_cut takes, within 1e-4 mm. Errors:
+ * as nc_stock_cut. */
 NcProbing *nc_probing_new(const NcMove *moves, size_t n, SegVec3 zero, const CfgToolTable *tools,
                           GError **error);
 void nc_probing_free(NcProbing *probing);

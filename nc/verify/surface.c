@@ -21,6 +21,7 @@ struct NcSurface {
     Outline *outlines; /* of each face */
 };
 
+static void turn_outward(NcSurface *surface);
 static void outlines_init(NcSurface *surface);
 static bool place_at(const NcSurface *surface, const NcPatch *facet, double s, double t,
                      NcPlace *place);
@@ -47,8 +48,28 @@ NcSurface *nc_surface_new(const SegPart *part, const NcSetup *setup, const NcTer
     surface->whole = nc_region_new(part, setup, terrain, regions, 1, NULL, 0);
     for (size_t f = 0; f < surface->whole->n_facets; f++)
         surface->facet_of[surface->whole->facets[f].triangle] = (int32_t)f;
+    turn_outward(surface);
     outlines_init(surface);
     return surface;
+}
+
+/* A facet that looks down though the sky is above it looks up. */
+static void turn_outward(NcSurface *surface)
+{
+    NcRegion *whole = surface->whole;
+#pragma omp parallel for schedule(dynamic, 64)
+    for (size_t f = 0; f < whole->n_facets; f++) {
+        NcPatch *facet = &whole->facets[f];
+        SegVec3 middle = seg_scale(seg_add(facet->a, seg_add(facet->b, facet->c)), 1.0 / 3);
+        if (facet->downward && nc_wall_side(surface->terrain, middle, facet->normal) > 0)
+            facet->downward = false;
+    }
+}
+
+const NcPatch *nc_surface_facets(const NcSurface *surface, size_t *n)
+{
+    *n = surface->whole->n_facets;
+    return surface->whole->facets;
 }
 
 void nc_surface_free(NcSurface *surface)

@@ -11,13 +11,14 @@
 
 typedef struct {
     SegVec3 point;
-    SegVec3 normal; /* outward unit normal; an open sheet's as the part has it, but on a wall away
-                       from the material */
+    SegVec3 normal; /* outward unit normal */
     double u, v;    /* on the face's surface; 0 on a mesh */
     int32_t triangle;
     bool downward; /* the normal looks down */
 } NcPlace;
 
+/* The outside of a face is where the part has it, unless one side is open to the sky and the other
+ * is not: faces of IGES files may be inside out, and sheets have no outside. */
 typedef struct NcSurface NcSurface;
 
 /* `part`, `setup` and `terrain` (of the whole part) stay the caller's and outlive it. */
@@ -35,6 +36,10 @@ double nc_surface_area_mm2(const NcSurface *surface, const int32_t *zones, int32
  */
 NcPlace *nc_surface_spread(const NcSurface *surface, const int32_t *zones, int32_t zone,
                            double pitch_mm, size_t least, size_t *n);
+
+/* The triangles of the whole part, their normals outward but where `downward` says that they were
+ * turned upward. */
+const NcPatch *nc_surface_facets(const NcSurface *surface, size_t *n);
 
 /* The place that lies a short `step` (tangential, mm) from another on the same face; false where
  * the face ends before. On a mesh the triangle may be another, unless it is a wall. */

@@ -5,13 +5,14 @@
 
 #include "nc/plan/planner.h"
 #include "nc/stock/probe.h"
-#include "nc/verify/surface.h"
+#include "nc/verify/thickness.h"
 
 typedef struct {
     const NcPlanInput *input;
     const NcMove *moves;
     NcPlanner planner;
     NcSurface *surface;
+    NcThickness *thickness;
     NcProbing *probing;
     NcStock *stock;             /* before the first cut, until collisions are looked for */
     double pitch_mm;            /* of the stock */
@@ -24,9 +25,8 @@ typedef struct {
 /* Deviation of the cut part at a place; `move` (may be NULL) as NcProbed has it. */
 double nc_verifier_measure(const NcVerifier *verifier, const NcPlace *place, size_t *move);
 
-/* Can a tool of the plan for that region (index in the segmentation) touch the place? A sheet
- * without an outside may be touched from behind: its normal is then turned round. */
-bool nc_verifier_reaches(const NcVerifier *verifier, size_t region, NcPlace *place);
+/* Can a tool of the plan for that region (index in the segmentation) touch the place? */
+bool nc_verifier_reaches(const NcVerifier *verifier, size_t region, const NcPlace *place);
 
 /* The work zero of the move's tool tip in machine coordinates of the gauge point. */
 SegVec3 nc_verifier_offset(const NcVerifier *verifier, const NcMove *move);

@@ -21,6 +21,9 @@
 #define WORST_SPOTS 48
 #define APART 4
 
+/* Lines of each lean around a place. */
+#define EDGE_LINES 8
+
 /* The spots of a zone: an id of a region, or 0. */
 typedef struct {
     int32_t zone;
@@ -118,6 +121,9 @@ static bool verifier_init(NcVerifier *verifier, const NcPlanInput *input, const 
     verifier->zones = zones_of(input);
     verifier->surface =
         nc_surface_new(input->part, &verifier->planner.setup, verifier->planner.terrain);
+    size_t n_facets;
+    const NcPatch *facets = nc_surface_facets(verifier->surface, &n_facets);
+    verifier->thickness = nc_thickness_new(facets, n_facets, input->part);
     bool ok = nc_planner_allot(&verifier->planner, verifier->tools, error);
     if (ok)
         verifier->probing = nc_probing_new(moves, n, verifier->zero, input->tools, error);
@@ -133,6 +139,7 @@ static bool verifier_init(NcVerifier *verifier, const NcPlanInput *input, const 
 static void verifier_clear(NcVerifier *verifier)
 {
     nc_planner_clear(&verifier->planner);
+    nc_thickness_free(verifier->thickness);
     nc_surface_free(verifier->surface);
     nc_probing_free(verifier->probing);
     nc_stock_free(verifier->stock);
@@ -161,6 +168,24 @@ static int32_t *zones_of(const NcPlanInput *input)
     return zones;
 }
 
+/* The nearest material from a place where none is left, along lines that lean from its normal. */
+static double nearest_material(const NcVerifier *verifier, const NcPlace *place, double stock_mm)
+{
+    static const double leans[] = {45, 85};
+    SegVec3 n = place->normal;
+    SegVec3 x = seg_unit(seg_cross(n, fabs(n.x) < 0.9 ? seg_vec3(1, 0, 0) : seg_vec3(0, 1, 0)));
+    SegVec3 y = seg_cross(n, x);
+    double nearest = INFINITY;
+    for (int i = 0; i < EDGE_LINES * (int)G_N_ELEMENTS(leans); i++) {
+        double lean = leans[i / EDGE_LINES] * G_PI / 180, turn = 2 * G_PI * i / EDGE_LINES;
+        SegVec3 side = seg_add(seg_scale(x, cos(turn)), seg_scale(y, sin(turn)));
+        SegVec3 out = seg_add(seg_scale(n, cos(lean)), seg_scale(side, sin(lean)));
+        NcProbed probed = nc_probing_measure(verifier->probing, place->point, out, stock_mm);
+        nearest = fmin(nearest, fmax(-probed.deviation_mm, 0));
+    }
+    return nearest;
+}
+
 double nc_verifier_measure(const NcVerifier *verifier, const NcPlace *place, size_t *move)
 {
     const CfgRecipe *recipe = verifier->input->recipe;
@@ -168,26 +193,33 @@ double nc_verifier_measure(const NcVerifier *verifier, const NcPlace *place, siz
     NcProbed probed = nc_probing_measure(verifier->probing, place->point, place->normal, stock_mm);
     if (move)
         *move = probed.move;
-    return probed.deviation_mm - recipe->stock_to_leave_mm;
+    double limit = verifier->gouge_limit_mm;
+    double deviation = probed.deviation_mm - recipe->stock_to_leave_mm;
+    if (deviation >= -limit || probed.deviation_mm >= 0)
+        return deviation;
+    /* At an edge the normal misses what is left: an edge that is broken within the limit is none
+     * of a gouge as deep as the face is long. */
+    double nearest = nearest_material(verifier, place, stock_mm) + recipe->stock_to_leave_mm;
+    if (nearest <= limit)
+        return -nearest;
+    int32_t face = verifier->input->part->triangles[place->triangle].face;
+    return -nc_thickness_mm(verifier->thickness, place->point, place->normal, face, -deviation);
 }
 
-bool nc_verifier_reaches(const NcVerifier *verifier, size_t region, NcPlace *place)
+bool nc_verifier_reaches(const NcVerifier *verifier, size_t region, const NcPlace *place)
 {
     const NcPlanner *planner = &verifier->planner;
     const CfgRecipe *recipe = verifier->input->recipe;
-    SegVec3 up = place->normal.z < -NC_WALL_UP ? seg_scale(place->normal, -1) : place->normal;
-    for (int i = 0; i < 2; i++) {
+    bool reached = false;
+    for (int i = 0; i < 2 && !reached && place->normal.z >= -NC_WALL_UP; i++) {
         const CfgTool *tool = verifier->tools[region][i];
         if (!tool)
             continue;
         NcBody body = nc_body(tool, recipe->stock_to_leave_mm, recipe->allowance_mm);
-        if (!nc_reach_point(planner->terrain, place->point, up, &body, planner->floor_mm,
-                            recipe->tolerance_mm))
-            continue;
-        place->normal = up;
-        return true;
+        reached = nc_reach_point(planner->terrain, place->point, place->normal, &body,
+                                 planner->floor_mm, recipe->tolerance_mm);
     }
-    return false;
+    return reached;
 }
 
 SegVec3 nc_verifier_offset(const NcVerifier *verifier, const NcMove *move)
@@ -429,8 +461,8 @@ static void sum_areas(NcJudgement *judgement, const NcSpot *spots, size_t n, dou
     }
     judgement->requested_area_mm2 = requested;
     judgement->unreachable_area_mm2 = fmax(requested - reached, 0);
-    judgement->coverage_percent = requested > 0 ? 100 * covered / requested : NAN;
-    judgement->within_tolerance_percent = reached > 0 ? 100 * within / reached : NAN;
+    judgement->coverage_percent = requested > 0 ? 100 * (covered / requested) : NAN;
+    judgement->within_tolerance_percent = reached > 0 ? 100 * (within / reached) : NAN;
 }
 
 static void sum_up(const NcVerifier *verifier, Zone *zone)
