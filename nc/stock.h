@@ -93,8 +93,8 @@ bool nc_stock_cut(NcStock *stock, const NcMove *moves, size_t n, SegVec3 zero,
  * Where on a straight move the flutes of its tool (a probe is a tool of the table) first touch
  * material, or with `away` first leave it; at its start where they do or do not already. False:
  * nowhere, or a tool that the table does not have. `where` and `zero` are as NcProbe's and
- * nc_stock_cut's. Where the tool meets rays the place is within NC_STOCK_PROBE_MM; a tip of radius
- * R may come up to pitch²/(4·R) deeper between them.
+ * nc_stock_cut's. Where the tool meets rays the place is within NC_STOCK_PROBE_MM; between them it
+ * comes up to pitch²/(4·R) deeper with a tip of radius R, and up to a pitch at an edge.
  */
 #define NC_STOCK_PROBE_MM 1e-5
 bool nc_stock_probe(const NcStock *stock, const NcMove *move, SegVec3 zero,

@@ -93,7 +93,7 @@ NcCrossing nc_mesh_crossing(const NcMeshGrid *grid, int axis, const int32_t node
 {
     const NcStock *stock = grid->stock;
     const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const int64_t low = (int64_t)(node[axis] - 1) * ((int64_t)1 << stock->shift);
+    const int64_t low = nc_dexel_node_depth(stock, node[axis] - 1);
     const int64_t high = low + ((int64_t)1 << stock->shift);
     const bool upwards = nc_mesh_inside(grid, node); /* out of the material */
     size_t n;

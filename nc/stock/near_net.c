@@ -280,7 +280,7 @@ static bool x_ray_has(const NcStock *stock, const int32_t node[3])
     size_t n;
     const NcDexelEnd *ends = nc_dexel_ray(stock, 0, node[1], node[2], &n);
     bool in = false;
-    for (size_t e = 0; e < n && ends[e].depth < node[0] * (1 << stock->shift); e++)
+    for (size_t e = 0; e < n && ends[e].depth < nc_dexel_node_depth(stock, node[0]); e++)
         in = !in;
     return in;
 }
@@ -297,7 +297,7 @@ static NcDexelEnd layer_end(const NcStock *stock, const NcFill *fill, const NcSp
     node[fill->axis] = at;
     node[(fill->axis + 1) % 3] = fill->u;
     node[(fill->axis + 2) % 3] = fill->v;
-    const int32_t depth = at * (1 << stock->shift);
+    const int32_t depth = nc_dexel_node_depth(stock, at);
     bool in = k == 0 ? end.depth <= depth : end.depth >= depth;
     if (fill->axis > 0 && at >= 0 && at < stock->n_nodes[fill->axis])
         in = x_ray_has(stock, node);
