@@ -405,6 +405,7 @@ static void advance(FbDelivery *d, int64_t now_us, FbActions *out)
         fb_delivery_send_read(d, look ? FB_REQUEST_STATUS : FB_REQUEST_ALARM, 0, now_us, out);
         return;
     }
+    fb_task_judge(d, now_us);
     if (d->leased && now_us >= d->beat_us) {
         send_beat(d, now_us, out);
         out->more = true;

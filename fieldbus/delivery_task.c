@@ -48,10 +48,14 @@ static GError *late_error(const FbDelivery *d, FbCommand command)
         fb_command_name(command), d->why ? d->why : "damaged", why);
 }
 
-void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out)
+void fb_task_judge(FbDelivery *d, int64_t now_us)
 {
     if (d->asking && is_answered(d))
         judge(d, now_us);
+}
+
+void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out)
+{
     if (d->asking && !d->finishing && is_late(d, d->order.command, now_us))
         fb_task_finish(d, late_error(d, d->order.command));
     if (d->finishing && d->asking && d->order.command != FB_COMMAND_RELEASE)

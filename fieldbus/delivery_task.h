@@ -94,6 +94,11 @@ void fb_delivery_send_read(FbDelivery *d, FbRequestKind kind, unsigned page, int
 
 /* delivery_task.c */
 
+/* Takes the answer to what was asked, if the status has it. The status is fresh, and so is the
+ * alarm's text. To be called before anything else is read: the machine then says what it answered
+ * last, which may be somebody else's command. */
+void fb_task_judge(FbDelivery *d, int64_t now_us);
+
 /* Asks what comes next for the task, waits (again_us), or ends it. The status is fresh. */
 void fb_task_next(FbDelivery *d, int64_t now_us, FbActions *out);
 

@@ -139,10 +139,36 @@ static void stops_withdraw(void)
     }
 }
 
+/* The answer to START comes when a beat is due, and the machine has answered a HOLD since: the beat
+ * brings that one's answer, and START's must have been taken before. */
+static void answer_before_beat(void)
+{
+    g_autoptr(Bus) b = prepare(FB_COMMAND_START);
+    BusAgent *a = &b->agents[BUS_WORK];
+    bus_start(b);
+    while (!is_asked(b, a, FB_COMMAND_START))
+        bus_turn(b);
+    a->order_us[0] = b->now_us + 600000; /* more than a heartbeat, less than the time-out */
+    while (b->starts == 0)
+        bus_turn(b);
+    fb_delivery_withdraw(a->delivery);
+    bus_command(b, FB_COMMAND_HOLD);
+    g_assert_true(bus_run(b, BUS_CONTROL, FB_TASK_COMMAND));
+    g_assert_no_error(b->agents[BUS_CONTROL].error);
+    bus_wait(b, G_USEC_PER_SEC);
+    g_assert_false(a->ended[FB_TASK_RUN]);
+    g_assert_no_error(a->error);
+    bus_command(b, FB_COMMAND_RESUME);
+    g_assert_true(bus_run(b, BUS_WORK, FB_TASK_RUN));
+    g_assert_no_error(a->error);
+    g_assert_cmpuint(b->completed, ==, 1);
+}
+
 static void add(void)
 {
     g_test_add_func("/fieldbus/movers/nothing-moves-late", nothing_moves_late);
     g_test_add_func("/fieldbus/movers/stops-withdraw", stops_withdraw);
+    g_test_add_func("/fieldbus/movers/answer-before-beat", answer_before_beat);
 }
 
 int main(int argc, char **argv)
