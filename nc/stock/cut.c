@@ -5,8 +5,8 @@
 #include "nc/stock/contacts.h"
 
 static size_t prepare(const NcStock *stock, const NcGroup *groups, size_t n, NcPrepared *prepared);
-static void remove_axis(NcStock *stock, int axis, const NcPrepared *groups, size_t n,
-                        GArray *contacts);
+static uint64_t remove_axis(NcStock *stock, int axis, const NcPrepared *groups, size_t n,
+                            GArray *contacts);
 
 /* Material that is cut apart needs more ends than the stock was begun with. */
 static bool check_memory(const NcStock *stock, GError **error)
@@ -32,6 +32,7 @@ bool nc_stock_cut(NcStock *stock, const NcMove *moves, size_t n, SegVec3 zero,
     g_autofree NcPrepared *prepared = NULL;
     const NcGroup *groups;
     size_t n_groups, room = 0;
+    uint32_t cuts = stock->cuts_capacity;
     bool fits = true;
     while (fits && (n_groups = nc_chord_reader_next(reader, stock, &groups)) > 0) {
         if (n_groups > room) {
@@ -40,10 +41,12 @@ bool nc_stock_cut(NcStock *stock, const NcMove *moves, size_t n, SegVec3 zero,
             room = n_groups;
         }
         size_t n_prepared = prepare(stock, groups, n_groups, prepared);
+        uint64_t grown = 0;
         for (int axis = 0; axis < 3 && n_prepared > 0; axis++)
-            remove_axis(stock, axis, prepared, n_prepared, contacts);
+            grown += remove_axis(stock, axis, prepared, n_prepared, contacts);
         nc_contacts_merge(contacts);
-        fits = check_memory(stock, error);
+        fits = (grown == 0 && stock->cuts_capacity == cuts) || check_memory(stock, error);
+        cuts = stock->cuts_capacity;
     }
     if (collisions)
         nc_contacts_collisions(contacts, stock, collisions);
@@ -177,9 +180,11 @@ static void visit_group(const NcStock *stock, int axis, Bins *bins, const NcPrep
         }
 }
 
-static void remove_axis(NcStock *stock, int axis, const NcPrepared *groups, size_t n,
-                        GArray *contacts)
+/* Returns how many ends its tiles have room for more than before. */
+static uint64_t remove_axis(NcStock *stock, int axis, const NcPrepared *groups, size_t n,
+                            GArray *contacts)
 {
+    uint64_t grown = 0;
     const NcDexelField *field = &stock->field[axis];
     size_t n_tiles = (size_t)field->n_tiles[0] * (size_t)field->n_tiles[1];
     g_autofree size_t *first = g_new0(size_t, n_tiles + 1);
@@ -195,16 +200,19 @@ static void remove_axis(NcStock *stock, int axis, const NcPrepared *groups, size
     for (size_t i = 0; i < n; i++)
         visit_group(stock, axis, &bins, &groups[i], enter_tile);
         /* Entering moved each first on to the next tile's. */
-#pragma omp parallel
+#pragma omp parallel reduction(+ : grown)
     {
         g_autoptr(GArray) met = g_array_new(FALSE, FALSE, sizeof(NcContact));
 #pragma omp for schedule(dynamic, 4)
         for (size_t tile = 0; tile < n_tiles; tile++) {
             size_t from = tile > 0 ? first[tile - 1] : 0;
+            uint32_t capacity = field->tiles[tile].capacity;
             if (first[tile] > from)
                 nc_tile_remove(stock, axis, tile, list + from, first[tile] - from, met);
+            grown += field->tiles[tile].capacity - capacity;
         }
 #pragma omp critical
         g_array_append_vals(contacts, met->data, met->len);
     }
+    return grown;
 }
