@@ -6,6 +6,9 @@
 /* LinuxCNC's smallest feed with G93, in the program's units. */
 #define LEAST_INVERSE_FEED 0.1
 
+/* And what it takes for no way at all. */
+#define NOTHING_MM 1e-7
+
 static bool check_rotary(const NcExecution *x, GError **error);
 static bool check_feed(const NcExecution *x, GError **error);
 static void go_home(NcExecution *x, int parameter);
@@ -65,6 +68,13 @@ static double along(const NcBlock *block, char letter, double unit, double here,
     return word ? word->value * unit + base : here;
 }
 
+/* Where only A, B, C are to move X, Y, Z stand, whatever sums of decimal numbers are: F counts
+ * otherwise. */
+static double rounded(double to, double here)
+{
+    return fabs(to - here) < NOTHING_MM ? here : to;
+}
+
 static void find_target(const NcExecution *x, bool machine_coordinates, NcPlace *to)
 {
     const NcModal *modal = &x->modal;
@@ -78,6 +88,8 @@ static void find_target(const NcExecution *x, bool machine_coordinates, NcPlace 
     to->mm.z = along(block, 'Z', unit, at->z, base.z);
     to->deg = modal->position_deg;
     if (block->by.letters & NC_ROTARY_AXES) {
+        to->mm =
+            (SegVec3){rounded(to->mm.x, at->x), rounded(to->mm.y, at->y), rounded(to->mm.z, at->z)};
         const SegVec3 zero = incremental ? to->deg : machine_coordinates ? none : rotary_shift(x);
         to->deg.x = along(block, 'A', 1.0, to->deg.x, zero.x);
         to->deg.y = along(block, 'B', 1.0, to->deg.y, zero.y);

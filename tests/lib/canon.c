@@ -196,9 +196,10 @@ static double spindle_rpm(const Canon *canon)
     return canon->direction * fmax(fmin(rpm, most), canon->machine->spindle_min_rpm);
 }
 
+/* For LinuxCNC's motion this is no way at all. */
 static bool same_vector(SegVec3 a, SegVec3 b)
 {
-    return a.x == b.x && a.y == b.y && a.z == b.z;
+    return fabs(a.x - b.x) < 1e-7 && fabs(a.y - b.y) < 1e-7 && fabs(a.z - b.z) < 1e-7;
 }
 
 static NcMove *add(Canon *canon, NcMoveKind kind, SegVec3 to, SegVec3 to_deg)
