@@ -89,6 +89,8 @@ trap 'rm -rf "$folder"' EXIT
 cp tests/gcode/*.ngc "$folder"
 SEGMILL_GCODE_OUT=$folder "$build/tests/nc_gcode_write" >"$folder/log" 2>&1
 SEGMILL_GCODE_OUT=$folder "$build/tests/nc_compensation" >"$folder/log" 2>&1
+command -v python3 >/dev/null &&
+    python3 tests/ci/random_gcode.py "$folder" "${SEGMILL_GCODE_RANDOM:-40}" "${SEGMILL_SEED:-1}"
 
 programs=("$folder"/*.ngc)
 echo "1..$((${#programs[@]} + 5))"
