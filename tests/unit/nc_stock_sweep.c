@@ -49,7 +49,8 @@ static SegVec3 random_vector(GRand *random, double size)
 /* Level, vertical, none, short and long moves. */
 static SegVec3 random_move(GRand *random)
 {
-    SegVec3 d = random_vector(random, g_rand_boolean(random) ? 0.1 : 20);
+    const double sizes_mm[] = {0.1, 20, 1500};
+    SegVec3 d = random_vector(random, sizes_mm[g_rand_int_range(random, 0, 3)]);
     switch (g_rand_int_range(random, 0, 7)) {
     case 0:
         d.z = 0;
@@ -173,7 +174,7 @@ static void check_random_lines(int n, unsigned seed, bool fast)
     int hits = 0, wrong = 0;
     for (int i = 0; i < n; i++) {
         const CfgTool *tool = &test_tools.tools[i % N_KINDS];
-        SegVec3 a = random_vector(random, 100), b = seg_add(a, random_move(random));
+        SegVec3 a = random_vector(random, 1000), b = seg_add(a, random_move(random));
         SegVec3 w = random_direction(random, seg_sub(b, a));
         if (fast) {
             int axis = g_rand_int_range(random, 0, 3);
