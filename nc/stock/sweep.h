@@ -9,8 +9,8 @@
 #include "nc/stock/cutter_body.h"
 
 /* Each end of an interval lies within this of the surface of the swept volume, square to it, for
- * coordinates and moves up to 2 m. (Along a line that only grazes the surface no bound is possible: there
- * the ends' own place depends on the last digit of the input.) */
+ * coordinates and moves up to 2 m. (Along a line that only grazes the surface no bound is possible:
+ * there the ends' own place depends on the last digit of the input.) */
 #define NC_SWEEP_ERROR_MM 1e-9
 
 /*
