@@ -5,7 +5,7 @@
 
 static void find_block(const NcProgram *program, uint64_t at, AgentGate *gate);
 static void find_state(AgentGate *gate, const NcMove *moves, size_t n, uint32_t line);
-static void find_rest(AgentGate *gate, const NcMove *moves, const NcTimedMove *timed, size_t n,
+static void find_rest(AgentGate *gate, const NcMove *moves, const NcMotion *motion, size_t n,
                       uint32_t line);
 
 uint32_t *agent_gate_lines(const NcProgram *program)
@@ -32,7 +32,8 @@ bool agent_gate_read(const NcProgram *program, uint32_t number, const AgentMachi
     if (!moves)
         return false;
     const NcMove *move = (const NcMove *)(void *)moves->data;
-    g_autofree NcTimedMove *timed = nc_motion_plan(machine->machine, move, moves->len);
+    g_autoptr(NcMotion) motion =
+        nc_motion_new(machine->machine, NC_NO_OVERRIDE, 0, move, moves->len);
     g_autofree uint32_t *lines = agent_gate_lines(program);
     const double *home = machine->machine->tool_change_mm; /* where every program begins */
     *gate = (AgentGate){.number = number,
@@ -40,7 +41,7 @@ bool agent_gate_read(const NcProgram *program, uint32_t number, const AgentMachi
                         .work_offset = 54,
                         .position_mm = seg_vec3(home[0], home[1], home[2])};
     find_state(gate, move, moves->len, gate->line);
-    find_rest(gate, move, timed, moves->len, gate->line);
+    find_rest(gate, move, motion, moves->len, gate->line);
     find_block(program, program->gates[number - 1], gate);
     return true;
 }
@@ -67,7 +68,7 @@ static void find_state(AgentGate *gate, const NcMove *moves, size_t n, uint32_t 
     gate->position_mm = before->to;
 }
 
-static void find_rest(AgentGate *gate, const NcMove *moves, const NcTimedMove *timed, size_t n,
+static void find_rest(AgentGate *gate, const NcMove *moves, const NcMotion *motion, size_t n,
                       uint32_t line)
 {
     size_t i = 0;
@@ -76,7 +77,7 @@ static void find_rest(AgentGate *gate, const NcMove *moves, const NcTimedMove *t
     if (i == n)
         return;
     gate->region = moves[i].region;
-    gate->left_s = timed[n - 1].start_s + timed[n - 1].duration_s - timed[i].start_s;
+    gate->left_s = nc_motion_total_s(motion) - nc_motion_start_s(motion, i);
     for (; i < n; i++)
         gate->left_blocks += i + 1 == n || moves[i].line != moves[i + 1].line;
 }

@@ -4,7 +4,7 @@
 #include "agent/agent.h"
 
 static void add_move(AgentProgram *program, GArray *regions, GArray *lines, const NcMove *move,
-                     const NcTimedMove *timed);
+                     double start_s, double duration_s);
 static void find_needs(AgentProgram *program, const NcMove *moves, size_t n);
 
 GBytes *agent_program_load(const char *path, GError **error)
@@ -52,12 +52,13 @@ AgentProgram *agent_program_read(GBytes *bytes, const char *name, const CfgMachi
         return NULL;
     }
     const NcMove *move = (const NcMove *)(void *)moves->data;
-    g_autofree NcTimedMove *timed = nc_motion_plan(machine, move, moves->len);
+    g_autoptr(NcMotion) motion = nc_motion_new(machine, NC_NO_OVERRIDE, 0, move, moves->len);
     AgentProgram *program = g_new0(AgentProgram, 1);
     GArray *regions = g_array_new(false, false, sizeof(AgentProgramRegion));
     GArray *lines = g_array_new(false, false, sizeof(AgentProgramLine));
     for (guint i = 0; i < moves->len; i++)
-        add_move(program, regions, lines, &move[i], &timed[i]);
+        add_move(program, regions, lines, &move[i], nc_motion_start_s(motion, i),
+                 nc_motion_duration_s(motion, i));
     find_needs(program, move, moves->len);
     program->regions = g_array_steal(regions, &program->n_regions);
     program->lines = g_array_steal(lines, &program->n_lines);
@@ -88,19 +89,19 @@ static size_t region_index(GArray *regions, int32_t id)
 }
 
 static void add_move(AgentProgram *program, GArray *regions, GArray *lines, const NcMove *move,
-                     const NcTimedMove *timed)
+                     double start_s, double duration_s)
 {
     size_t region = region_index(regions, move->region);
-    g_array_index(regions, AgentProgramRegion, region).planned_s += timed->duration_s;
-    program->total_s = timed->start_s + timed->duration_s;
+    g_array_index(regions, AgentProgramRegion, region).planned_s += duration_s;
+    program->total_s = start_s + duration_s;
     if (move->kind == NC_MOVE_FEED || move->kind == NC_MOVE_ARC)
-        program->length_mm += timed->length_mm;
+        program->length_mm += nc_move_length_mm(move);
     if (move->kind == NC_MOVE_RAPID)
-        program->air_mm += timed->length_mm;
+        program->air_mm += nc_move_length_mm(move);
     program->tool_changes += move->kind == NC_MOVE_TOOL_CHANGE;
     if (lines->len > 0 && g_array_index(lines, AgentProgramLine, lines->len - 1).line == move->line)
         return;
-    AgentProgramLine line = {move->line, timed->start_s, region};
+    AgentProgramLine line = {move->line, start_s, region};
     g_array_append_val(lines, line);
 }
 

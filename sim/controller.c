@@ -187,7 +187,7 @@ FbProgress sim_controller_progress(const SimController *c)
         .executed_blocks = c->executed_blocks,
         .tool = c->tool,
         .position_mm = {at.x, at.y, at.z},
-        .feed_mm_min = on_move ? sim_drive_place(drive, c->time_s).speed_mm_s * 60 : 0,
+        .feed_mm_min = on_move ? sim_run_speed_mm_s(c) * 60 : 0,
         .spindle_rpm = rpm,
         .program_time_ms = (uint32_t)fmin(c->time_s * 1000, UINT32_MAX),
         .gate = (uint32_t)c->gate,

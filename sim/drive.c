@@ -3,33 +3,138 @@
 
 #include <math.h>
 
-static bool meet(SimDrive *d, SimPlace place, double time_s);
-static bool follow(SimDrive *d, double done, double time_s);
-static void begin_ramp(SimDrive *d, bool stopping, double time_s);
+/* Places closer than this are one: far above rounding, far below what any machine resolves. */
+#define SAME_MM 1e-9
+/* Speeds that are tried on the way down to a slower plan. */
+#define TRIALS 32
+#define HALVINGS 45
+
+static bool to_plan(SimDrive *d, NcAlong from, double time_s);
+static bool follow(SimDrive *d, double time_s);
+static bool follow_from(SimDrive *d, double at_mm, double time_s);
+static void begin_detour(SimDrive *d, GArray *detour, double time_s);
 static unsigned finish_move(SimDrive *d, double time_s);
-static unsigned finish_piece(SimDrive *d, double time_s);
-static double ramp_begins_s(const SimDrive *d);
-static double passing_speed(const SimDrive *d);
-static const NcTimedMove *timed_here(const SimDrive *d);
-static void set_law(SimDrive *d, SimPlan *law);
-static void set_ramp(SimDrive *d, GArray *ramp);
+static unsigned finish_phase(SimDrive *d, double time_s);
+static unsigned finish_detour(SimDrive *d, double time_s);
+static double detour_begins_s(const SimDrive *d);
+static NcAlong along(const SimDrive *d, double time_s);
+static bool on_path(const SimDrive *d);
+static double begin_mm(const SimDrive *d);
+static void set_law(SimDrive *d, SimPlan *law, guint phases);
 
 bool sim_drive_go(SimDrive *d, double time_s)
 {
-    if (!sim_travels(d->program, d->move))
-        return follow(d, d->mode == SIM_STAND ? d->done : sim_drive_move_s(d, time_s), time_s);
-    return meet(d, sim_drive_place(d, time_s), time_s);
+    d->stop_wanted = false;
+    if (!on_path(d))
+        return follow(d, time_s);
+    if (d->mode == SIM_STAND && nc_motion_forbids(d->plan->motion, d->move))
+        return false;
+    bool was_detour = d->mode == SIM_DETOUR;
+    if (to_plan(d, along(d, time_s), time_s))
+        return d->mode != SIM_STAND;
+    d->stopping = false; /* to rest first; then whoever drives sets off again */
+    return was_detour;
 }
 
-/* By a ramp to the plan, unless the place is on it. */
-static bool meet(SimDrive *d, SimPlace place, double time_s)
+static GArray *joined(GArray *first, const GArray *second)
 {
-    if (!sim_ramp_above(d->program, d->plan, place))
-        set_law(d, d->plan);
-    set_ramp(d, sim_ramp_meet(d->program, d->law, d->plan, place));
-    if (d->ramp->len == 0)
-        return follow(d, place.at_mm, time_s);
-    begin_ramp(d, false, time_s);
+    g_array_append_vals(first, second->data, second->len);
+    return first;
+}
+
+static NcAlong end_of(const GArray *phases, NcAlong from)
+{
+    if (phases->len == 0)
+        return from;
+    const NcPhase *last = &g_array_index(phases, NcPhase, phases->len - 1);
+    NcAlong end = nc_phase_at(last, last->duration_s);
+    end.a_mm_s2 = 0;
+    end.v_mm_s = end.v_mm_s > SAME_MM ? end.v_mm_s : 0;
+    return end;
+}
+
+static const NcMotion *law_at(const SimDrive *d)
+{
+    bool other = d->mode == SIM_DETOUR && d->phase < d->law_phases;
+    return (other ? d->law : d->plan)->motion;
+}
+
+/* Brakes to a speed and goes on to the plan from there; NULL where it would still be too fast. */
+static GArray *by_way_of(SimDrive *d, const NcMotion *law, NcAlong from, double v, guint *braking,
+                         double *met)
+{
+    g_autoptr(GArray) brake = nc_motion_brake(law, from, v);
+    if (!brake)
+        return NULL;
+    g_autoptr(GArray) join = nc_motion_join(d->plan->motion, end_of(brake, from), met);
+    *braking = brake->len;
+    return join ? joined(g_steal_pointer(&brake), join) : NULL;
+}
+
+/* As fast as may be: between a speed that will do and one that will not, halves the rest. */
+static GArray *down_to_plan(SimDrive *d, const NcMotion *law, NcAlong from, guint *braking,
+                            double *met)
+{
+    GArray *best = NULL;
+    double low = 0, high = from.v_mm_s;
+    for (int i = TRIALS - 1; i >= 0 && !best; i--) {
+        double v = from.v_mm_s * i / TRIALS;
+        best = by_way_of(d, law, from, v, braking, met);
+        *(best ? &low : &high) = v;
+    }
+    for (int i = 0; best && i < HALVINGS; i++) {
+        double v = (low + high) / 2, there;
+        guint n;
+        GArray *other = by_way_of(d, law, from, v, &n, &there);
+        *(other ? &low : &high) = v;
+        if (!other)
+            continue;
+        g_array_unref(best);
+        best = other;
+        *braking = n;
+        *met = there;
+    }
+    return best;
+}
+
+/* A detour from any place and speed to the plan, or to rest where there is none. False: not now. */
+static bool to_plan(SimDrive *d, NcAlong from, double time_s)
+{
+    const NcMotion *law = law_at(d);
+    NcPhase level;
+    const bool levels = nc_motion_level(law, from, &level);
+    GArray *detour = g_array_new(FALSE, FALSE, sizeof(NcPhase));
+    guint braking = 0;
+    double met = from.s_mm;
+    bool forbidden = nc_motion_forbids(d->plan->motion, d->move), to_rest = false;
+    if (levels && level.duration_s > 0)
+        g_array_append_val(detour, level);
+    GArray *join =
+        forbidden || !levels ? NULL : nc_motion_join(d->plan->motion, end_of(detour, from), &met);
+    if (join) {
+        joined(detour, join);
+        g_array_unref(join);
+    } else {
+        g_array_unref(detour);
+        if (d->mode == SIM_DETOUR && d->stopping)
+            return false;
+        detour = forbidden ? NULL : down_to_plan(d, law, from, &braking, &met);
+        to_rest = !detour;
+        if (!detour)
+            detour = nc_motion_brake(law, from, 0);
+        if (!detour)
+            return false;
+        braking = to_rest ? detour->len : braking;
+    }
+    d->to_rest = to_rest;
+    if (detour->len == 0) {
+        g_array_unref(detour);
+        return follow_from(d, met, time_s);
+    }
+    d->stopping = false;
+    d->met_mm = met;
+    begin_detour(d, detour, time_s);
+    d->law_phases = braking;
     return true;
 }
 
@@ -37,47 +142,80 @@ void sim_drive_brake(SimDrive *d, double time_s)
 {
     if (d->mode == SIM_STAND)
         return;
-    GArray *ramp = sim_ramp_stop(d->program, d->law, sim_drive_place(d, time_s));
-    if (ramp->len == 0)
+    if (!on_path(d)) {
         sim_drive_stand(d, time_s);
-    set_ramp(d, ramp);
-    if (ramp->len > 0)
-        begin_ramp(d, true, time_s);
+        return;
+    }
+    if (d->mode == SIM_DETOUR && d->stopping)
+        return;
+    const NcMotion *law = law_at(d);
+    SimPlan *of = law == d->plan->motion ? d->plan : d->law;
+    GArray *detour = nc_motion_brake(law, along(d, time_s), 0);
+    if (!detour) {
+        d->stop_wanted = true;
+        return;
+    }
+    if (detour->len == 0) {
+        g_array_unref(detour);
+        sim_drive_stand(d, time_s);
+        return;
+    }
+    set_law(d, of, detour->len);
+    begin_detour(d, detour, time_s);
+    d->stopping = true;
+    d->to_rest = true;
 }
 
 void sim_drive_replan(SimDrive *d, double time_s)
 {
-    const bool stands = d->mode == SIM_STAND;
-    const bool path = sim_travels(d->program, d->move);
-    const SimPlace place = stands || !path ? (SimPlace){0} : sim_drive_place(d, time_s);
-    const double done_s = stands || path ? 0 : sim_drive_move_s(d, time_s);
+    if (d->mode == SIM_STAND || !on_path(d)) {
+        d->done_s = d->mode == SIM_STAND || !on_path(d) ? d->done_s : 0;
+        if (d->mode == SIM_FOLLOW)
+            d->done_s = sim_drive_move_s(d, time_s);
+        sim_plan_unref(d->plan);
+        d->plan = sim_plan_ref(d->program->plan);
+        set_law(d, d->plan, 0);
+        if (d->mode == SIM_FOLLOW)
+            follow(d, time_s);
+        return;
+    }
+    const NcAlong from = along(d, time_s);
+    SimPlan *old = law_at(d) == d->plan->motion ? d->plan : d->law;
+    const guint phases = d->mode == SIM_DETOUR ? d->detour->len : 0;
+    set_law(d, old, phases);
+    if (d->mode == SIM_FOLLOW) {
+        /* Until a detour is found the place is on the old plan. */
+        d->mode = SIM_DETOUR;
+        d->phase = 0;
+        d->law_phases = 1;
+        d->stopping = false;
+        g_array_set_size(d->detour, 0);
+    }
     sim_plan_unref(d->plan);
     d->plan = sim_plan_ref(d->program->plan);
-    if (stands)
-        set_law(d, d->plan);
-    else if (!path)
-        follow(d, done_s, time_s);
-    else if (!(d->mode == SIM_RAMP && d->stopping))
-        meet(d, place, time_s);
+    if (d->stopping)
+        return;
+    if (!to_plan(d, from, time_s))
+        d->plan_wanted = true;
 }
 
 bool sim_drive_prepare_stop(SimDrive *d, size_t move, double time_s)
 {
-    set_ramp(d, sim_ramp_stop_at(d->program, d->plan, move));
+    const NcMotion *motion = d->plan->motion;
+    GArray *detour = nc_motion_rest_at(motion, nc_motion_end_mm(motion, move));
+    g_array_unref(d->detour);
+    d->detour = detour;
     d->stop_move = move;
     d->prepared = true;
-    if (d->ramp->len > 0) {
-        const SimPiece *first = &g_array_index(d->ramp, SimPiece, 0);
-        const NcTimedMove *timed = &d->plan->timed[first->move];
-        d->prepared =
-            timed->start_s + sim_plan_time_s(timed, first->from_mm) >= time_s - d->offset_s;
-    }
+    if (detour->len > 0)
+        d->prepared = detour_begins_s(d) + d->offset_s >= time_s;
     return d->prepared;
 }
 
 void sim_drive_cancel_stop(SimDrive *d)
 {
     d->prepared = false;
+    d->stop_wanted = false;
 }
 
 void sim_drive_delay(SimDrive *d, double delay_s)
@@ -85,168 +223,234 @@ void sim_drive_delay(SimDrive *d, double delay_s)
     d->offset_s += delay_s;
 }
 
-/* On the plan, with so much of the move done as STAND counts it; false where it stands there. */
-static bool follow(SimDrive *d, double done, double time_s)
+static double start_s(const SimDrive *d, size_t move)
 {
-    const NcTimedMove *timed = timed_here(d);
-    set_law(d, d->plan);
-    if (sim_plan_forbids(timed)) {
+    return nc_motion_start_s(d->plan->motion, move);
+}
+
+/* On the plan, `done_s` of a move that is no path; false where that is forbidden. */
+static bool follow(SimDrive *d, double time_s)
+{
+    set_law(d, d->plan, 0);
+    d->mode = SIM_FOLLOW;
+    /* A plan of another override may give a spindle's change less time than it has had. */
+    double done_s = fmin(d->done_s, nc_motion_duration_s(d->plan->motion, d->move));
+    d->offset_s = time_s - (start_s(d, d->move) + done_s);
+    return true;
+}
+
+static bool follow_from(SimDrive *d, double at_mm, double time_s)
+{
+    set_law(d, d->plan, 0);
+    if (nc_motion_forbids(d->plan->motion, d->move)) {
         d->mode = SIM_STAND;
-        d->done = done;
+        d->at_mm = at_mm;
         d->prepared = false;
         return false;
     }
     d->mode = SIM_FOLLOW;
-    /* A plan of another override may give a spindle's change less time than it has had. */
-    const double done_s =
-        sim_plan_moves(timed) ? sim_plan_time_s(timed, done) : fmin(done, timed->duration_s);
-    d->offset_s = time_s - (timed->start_s + done_s);
+    double at_s = nc_motion_time_s(d->plan->motion, at_mm);
+    at_s = fmax(start_s(d, d->move), fmin(at_s, start_s(d, d->move + 1)));
+    d->offset_s = time_s - at_s;
     return true;
 }
 
-static void begin_ramp(SimDrive *d, bool stopping, double time_s)
+static void begin_detour(SimDrive *d, GArray *detour, double time_s)
 {
-    d->mode = SIM_RAMP;
-    d->stopping = stopping;
-    d->prepared = false;
-    d->piece = 0;
-    d->piece_start_s = time_s;
+    g_array_unref(d->detour);
+    d->detour = detour;
+    d->mode = SIM_DETOUR;
+    d->prepared = d->stop_wanted = d->plan_wanted = false;
+    d->phase = 0;
+    d->phase_start_s = time_s;
 }
 
 void sim_drive_stand(SimDrive *d, double time_s)
 {
-    if (d->mode != SIM_STAND)
-        d->done = sim_travels(d->program, d->move) ? sim_drive_place(d, time_s).at_mm
-                  : d->move < d->program->n        ? fmax(0, sim_drive_move_s(d, time_s))
-                                                   : 0;
+    if (d->mode != SIM_STAND && d->move < d->program->n) {
+        if (on_path(d))
+            d->at_mm = along(d, time_s).s_mm;
+        else
+            d->done_s = fmax(0, sim_drive_move_s(d, time_s));
+    }
     d->mode = SIM_STAND;
-    d->prepared = false;
-    set_law(d, d->plan);
+    d->prepared = d->stop_wanted = d->plan_wanted = false;
+    set_law(d, d->plan, 0);
 }
 
 /* ------------------------------------------------------------------------- the clock */
 
+static const NcPhase *phase_here(const SimDrive *d)
+{
+    return &g_array_index(d->detour, NcPhase, d->phase);
+}
+
+/* Whether the move in execution ends within the phase; then after how long of it. */
+static bool ends_in_phase(const SimDrive *d, double *after_s)
+{
+    if (d->move >= d->program->n || !on_path(d))
+        return false;
+    const NcPhase *phase = phase_here(d);
+    double end = nc_motion_end_mm(d->plan->motion, d->move);
+    if (end > nc_phase_at(phase, phase->duration_s).s_mm + SAME_MM)
+        return false;
+    *after_s = fmin(nc_phase_time_s(phase, end), phase->duration_s);
+    return true;
+}
+
 double sim_drive_next_s(const SimDrive *d)
 {
-    if (d->mode == SIM_RAMP)
-        return d->piece_start_s + g_array_index(d->ramp, SimPiece, d->piece).duration_s;
-    const NcTimedMove *timed = timed_here(d);
-    return fmin(timed->start_s + timed->duration_s, ramp_begins_s(d)) + d->offset_s;
+    if (d->mode == SIM_DETOUR) {
+        double after_s = phase_here(d)->duration_s;
+        ends_in_phase(d, &after_s);
+        return d->phase_start_s + after_s;
+    }
+    return fmin(start_s(d, d->move + 1), detour_begins_s(d)) + d->offset_s;
 }
 
 unsigned sim_drive_happen(SimDrive *d, double time_s)
 {
-    if (d->mode == SIM_RAMP)
-        return finish_piece(d, time_s);
-    if (ramp_begins_s(d) + d->offset_s > time_s)
+    if (d->mode == SIM_DETOUR)
+        return finish_phase(d, time_s);
+    if (detour_begins_s(d) + d->offset_s > time_s)
         return finish_move(d, time_s);
-    begin_ramp(d, true, time_s);
+    GArray *detour = g_array_ref(d->detour);
+    set_law(d, d->plan, 0);
+    begin_detour(d, detour, time_s);
+    d->stopping = d->to_rest = true;
     return 0;
 }
 
-/* The plan's time at which a prepared ramp leaves it; INFINITY unless on the move in execution. */
-static double ramp_begins_s(const SimDrive *d)
+/* The plan's time at which a prepared detour leaves it. */
+static double detour_begins_s(const SimDrive *d)
 {
-    if (!d->prepared || d->ramp->len == 0)
+    if (!d->prepared || d->detour->len == 0)
         return INFINITY;
-    const SimPiece *first = &g_array_index(d->ramp, SimPiece, 0);
-    const NcTimedMove *timed = &d->plan->timed[first->move];
-    return first->move == d->move ? timed->start_s + sim_plan_time_s(timed, first->from_mm)
-                                  : INFINITY;
+    return nc_motion_time_s(d->plan->motion, g_array_index(d->detour, NcPhase, 0).from.s_mm);
+}
+
+/* The move is over; the next one's time begins. */
+static void next_move(SimDrive *d)
+{
+    d->at_mm = nc_motion_end_mm(d->plan->motion, d->move);
+    d->done_s = 0;
+    d->move++;
 }
 
 /* Along the plan. What it forbids, and its end, it rests before. */
 static unsigned finish_move(SimDrive *d, double time_s)
 {
-    const bool stop = d->prepared && d->ramp->len == 0 && d->stop_move == d->move;
-    d->move++;
-    if (stop || d->move >= d->program->n || sim_plan_forbids(timed_here(d)))
+    const bool stop = d->prepared && d->detour->len == 0 && d->stop_move == d->move;
+    next_move(d);
+    if (stop || d->move >= d->program->n || nc_motion_forbids(d->plan->motion, d->move)) {
+        d->mode = SIM_STAND;
         sim_drive_stand(d, time_s);
+    }
     return SIM_MOVE_DONE | (stop ? SIM_AT_REST : 0);
 }
 
-static unsigned finish_piece(SimDrive *d, double time_s)
+static unsigned finish_phase(SimDrive *d, double time_s)
 {
-    const SimPiece piece = g_array_index(d->ramp, SimPiece, d->piece);
-    const unsigned done = piece.ends_move ? SIM_MOVE_DONE : 0;
-    d->piece_start_s = time_s;
-    d->piece++;
-    d->move += piece.ends_move;
-    if (d->piece < d->ramp->len)
-        return done;
-    const double at_mm = piece.ends_move ? 0 : piece.to_mm;
-    if (!d->stopping && d->move < d->program->n) {
-        follow(d, at_mm, time_s);
-        return done;
+    double after_s;
+    if (ends_in_phase(d, &after_s) && d->phase_start_s + after_s <= time_s) {
+        bool last = d->phase + 1 == d->detour->len && d->to_rest;
+        next_move(d);
+        if (last && (d->move >= d->program->n || !on_path(d)))
+            return SIM_MOVE_DONE | finish_detour(d, time_s);
+        return SIM_MOVE_DONE;
     }
-    d->mode = SIM_STAND;
-    d->done = at_mm;
-    set_law(d, d->plan);
-    return done | (d->stopping ? SIM_AT_REST : 0);
+    d->phase_start_s += phase_here(d)->duration_s;
+    d->phase++;
+    return d->phase < d->detour->len ? 0 : finish_detour(d, time_s);
+}
+
+static unsigned finish_detour(SimDrive *d, double time_s)
+{
+    const bool stopping = d->stopping, stop = d->stop_wanted, plan = d->plan_wanted;
+    d->stop_wanted = d->plan_wanted = false;
+    if (d->to_rest) {
+        if (d->move < d->program->n && on_path(d) && d->phase >= d->detour->len)
+            d->at_mm = end_of(d->detour, (NcAlong){0}).s_mm;
+        d->mode = SIM_STAND;
+        sim_drive_stand(d, time_s);
+        return stopping || stop ? SIM_AT_REST : 0;
+    }
+    if (d->move >= d->program->n || !on_path(d)) {
+        d->mode = SIM_STAND;
+        if (d->move < d->program->n)
+            follow(d, time_s);
+    } else if (plan) {
+        d->law_phases = d->phase + 1; /* the place is on the old plan */
+        to_plan(d, end_of(d->detour, (NcAlong){0}), time_s);
+    } else {
+        follow_from(d, d->met_mm, time_s);
+    }
+    if (stop && d->mode != SIM_STAND)
+        sim_drive_brake(d, time_s);
+    return stop && d->mode == SIM_STAND ? SIM_AT_REST : 0;
 }
 
 /* -------------------------------------------------------------------------- the place */
 
 double sim_drive_move_s(const SimDrive *d, double time_s)
 {
-    const NcTimedMove *timed = timed_here(d);
-    return fmin(time_s - d->offset_s - timed->start_s, timed->duration_s);
+    return fmin(time_s - d->offset_s - start_s(d, d->move),
+                nc_motion_duration_s(d->plan->motion, d->move));
 }
 
-SimPlace sim_drive_place(const SimDrive *d, double time_s)
+static double begin_mm(const SimDrive *d)
 {
-    const NcTimedMove *timed = timed_here(d);
+    return d->move > 0 ? nc_motion_end_mm(d->plan->motion, d->move - 1) : 0;
+}
+
+static NcAlong along(const SimDrive *d, double time_s)
+{
     if (d->mode == SIM_STAND)
-        return (SimPlace){d->move, sim_plan_moves(timed) ? d->done : 0, 0};
-    if (d->mode == SIM_FOLLOW && !sim_plan_moves(timed))
-        return (SimPlace){d->move, 0, passing_speed(d)};
+        return (NcAlong){d->at_mm, 0, 0};
     if (d->mode == SIM_FOLLOW) {
-        const double t = sim_drive_move_s(d, time_s);
-        return (SimPlace){d->move, sim_plan_distance_mm(timed, t), nc_motion_speed_mm_s(timed, t)};
+        /* Another move may begin at the same time, and elsewhere where one between is forbidden. */
+        NcAlong at = nc_motion_along(d->plan->motion, time_s - d->offset_s);
+        const double end = nc_motion_end_mm(d->plan->motion, d->move), begin = begin_mm(d);
+        if (!on_path(d) || at.s_mm > end + SAME_MM || at.s_mm < begin - SAME_MM)
+            return (NcAlong){at.s_mm < begin ? begin : end, 0, 0};
+        return at;
     }
-    const SimPiece *piece = &g_array_index(d->ramp, SimPiece, d->piece);
-    const double t = time_s - d->piece_start_s;
-    const double share = piece->duration_s > 0 ? fmin(1, t / piece->duration_s) : 1;
-    const double speed = piece->from_mm_s + (piece->to_mm_s - piece->from_mm_s) * share;
-    const double at = piece->from_mm + (piece->from_mm_s + speed) / 2 * t;
-    return (SimPlace){piece->move, fmin(at, piece->to_mm), speed};
+    const NcPhase *phase = phase_here(d);
+    return nc_phase_at(phase, fmax(0, fmin(time_s - d->phase_start_s, phase->duration_s)));
 }
 
-/* The speed at which the plan passes a place where no path is left: not 0 between two moves. */
-static double passing_speed(const SimDrive *d)
+NcPoint sim_drive_point(const SimDrive *d, double time_s)
 {
-    size_t i = d->move;
-    while (sim_travels(d->program, i) && !sim_plan_moves(&d->plan->timed[i]))
-        i++;
-    return sim_travels(d->program, i) ? d->plan->timed[i].v_in_mm_s : 0;
+    NcAlong at = along(d, time_s);
+    if (d->mode == SIM_STAND && !on_path(d))
+        at.s_mm = nc_motion_end_mm(d->plan->motion, d->move);
+    return nc_motion_point(d->plan->motion, d->move, at);
 }
 
-SegVec3 sim_drive_position_mm(const SimDrive *d, double time_s)
+double sim_drive_part(const SimDrive *d)
 {
-    const NcMove *move = &d->program->moves[d->move];
-    if (d->mode == SIM_FOLLOW)
-        return nc_motion_position(move, timed_here(d), sim_drive_move_s(d, time_s));
-    if (!sim_plan_moves(timed_here(d)))
-        return move->from;
-    return nc_move_point(move, sim_drive_place(d, time_s).at_mm / timed_here(d)->length_mm);
+    if (!d->program || d->mode != SIM_STAND || !on_path(d))
+        return 0;
+    double start = begin_mm(d), length = nc_motion_end_mm(d->plan->motion, d->move) - start;
+    return length > 0 ? fmax(0, fmin(1, (d->at_mm - start) / length)) : 0;
 }
 
-static const NcTimedMove *timed_here(const SimDrive *d)
+static bool on_path(const SimDrive *d)
 {
-    return &d->plan->timed[d->move];
+    return d->move < d->program->n && nc_move_passes(&d->program->moves[d->move]);
 }
 
 /* ------------------------------------------------------------------------- ownership */
 
 void sim_drive_init(SimDrive *d)
 {
-    *d = (SimDrive){.ramp = g_array_new(FALSE, FALSE, sizeof(SimPiece))};
+    *d = (SimDrive){.detour = g_array_new(FALSE, FALSE, sizeof(NcPhase))};
 }
 
 void sim_drive_clear(SimDrive *d)
 {
     sim_drive_leave(d);
-    g_array_unref(d->ramp);
+    g_array_unref(d->detour);
 }
 
 void sim_drive_enter(SimDrive *d, SimProgram *program, size_t move)
@@ -257,11 +461,12 @@ void sim_drive_enter(SimDrive *d, SimProgram *program, size_t move)
     sim_plan_ref(program->plan);
     sim_plan_unref(d->plan);
     d->plan = program->plan;
-    set_law(d, d->plan);
+    set_law(d, d->plan, 0);
     d->mode = SIM_STAND;
     d->move = move;
-    d->done = 0;
-    d->prepared = false;
+    d->done_s = 0;
+    d->at_mm = begin_mm(d);
+    d->prepared = d->stop_wanted = d->plan_wanted = false;
 }
 
 void sim_drive_leave(SimDrive *d)
@@ -270,18 +475,13 @@ void sim_drive_leave(SimDrive *d)
     g_clear_pointer(&d->plan, sim_plan_unref);
     g_clear_pointer(&d->law, sim_plan_unref);
     d->mode = SIM_STAND;
-    d->prepared = false;
+    d->prepared = d->stop_wanted = d->plan_wanted = false;
 }
 
-static void set_law(SimDrive *d, SimPlan *law)
+static void set_law(SimDrive *d, SimPlan *law, guint phases)
 {
     sim_plan_ref(law);
     sim_plan_unref(d->law);
     d->law = law;
-}
-
-static void set_ramp(SimDrive *d, GArray *ramp)
-{
-    g_array_unref(d->ramp);
-    d->ramp = ramp;
+    d->law_phases = phases;
 }

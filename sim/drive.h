@@ -1,36 +1,44 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /*
  * The drive of the axes: where on the path of one program the machine is at a moment of the
- * program's clock, and how fast. It follows the program's plan, leaves it by ramps (sim/ramp.h) and
- * comes back to it. What a move means, and why the machine stops, is not its business.
+ * program's clock, and how fast. It follows the program's plan, leaves it by detours (nc/motion.h)
+ * and comes back to it. What a move means, and why the machine stops, is not its business.
+ *
+ * Detours are solved exactly, phase by phase, when they are asked for: how often anybody looks at
+ * the clock changes nothing.
  */
 #ifndef SIM_DRIVE_H
 #define SIM_DRIVE_H
 
-#include "sim/ramp.h"
+#include "sim/program.h"
 
 /* How the program's clock and the plan's are tied together. */
 typedef enum {
-    SIM_STAND,  /* at rest, `done` of the move */
+    SIM_STAND,  /* at rest: `at_mm` of the path, or `done_s` of a move that is none */
     SIM_FOLLOW, /* the plan at its own speed, offset_s later */
-    SIM_RAMP,   /* along the pieces of `ramp` */
+    SIM_DETOUR, /* along the phases of `detour` */
 } SimMode;
 
 typedef struct {
     SimProgram *program; /* NULL: none yet */
     SimPlan *plan;       /* to be followed */
-    SimPlan *law;        /* what it is not faster than; another one than `plan` on the way down */
+    SimPlan *law;        /* what a detour's first law_phases are not faster than; then it is plan */
+    guint law_phases;
     SimMode mode;
-    size_t move;     /* in execution, or next; program->n: at the end */
-    double done;     /* STAND: of the move, mm of a path, else s */
+    size_t move; /* in execution, or next; program->n: at the end */
+    double at_mm, done_s;
     double offset_s; /* FOLLOW: the program's clock less the plan's */
 
-    GArray *ramp; /* SimPiece; in RAMP, or prepared; never NULL */
-    guint piece;
-    double piece_start_s;
-    bool stopping; /* RAMP: ends at rest, not on the plan */
+    GArray *detour; /* NcPhase; in DETOUR, or prepared; never NULL */
+    guint phase;
+    double phase_start_s;
+    double met_mm;    /* where the plan is met */
+    bool stopping;    /* DETOUR: is a stop that was asked for; else it leads to the plan, or */
+    bool to_rest;     /* ends at rest nevertheless */
+    bool stop_wanted; /* as soon as the detour is over */
+    bool plan_wanted; /* the same for a newer plan */
 
-    bool prepared; /* FOLLOW until `ramp` begins; or, empty, to the end of stop_move */
+    bool prepared; /* FOLLOW until `detour` begins; or, empty, to the end of stop_move */
     size_t stop_move;
 } SimDrive;
 
@@ -69,14 +77,16 @@ void sim_drive_cancel_stop(SimDrive *drive);
 /* Out of FOLLOW: the move in execution takes longer. */
 void sim_drive_delay(SimDrive *drive, double delay_s);
 
-/* When, on the program's clock, the next thing happens: a move's, a piece's or a ramp's turn; then
- * it is made to happen. An override may let it stand behind that. */
+/* When, on the program's clock, the next thing happens: a move's or a phase's end; then it is made
+ * to happen. An override may let it stand behind that. */
 double sim_drive_next_s(const SimDrive *drive);
 unsigned sim_drive_happen(SimDrive *drive, double time_s);
 
-/* Where it is; `speed` along the path. Not at the end. */
-SimPlace sim_drive_place(const SimDrive *drive, double time_s);
-SegVec3 sim_drive_position_mm(const SimDrive *drive, double time_s);
+/* Where it is. Not at the end. */
+NcPoint sim_drive_point(const SimDrive *drive, double time_s);
+
+/* The share of the path's move that it stands in, of which it has come so far; else 0. */
+double sim_drive_part(const SimDrive *drive);
 
 /* Seconds of the plan done of the move in execution, in FOLLOW. */
 double sim_drive_move_s(const SimDrive *drive, double time_s);

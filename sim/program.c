@@ -186,8 +186,7 @@ double sim_program_duration_s(const SimProgram *program)
 {
     if (program->n == 0)
         return 0;
-    const NcTimedMove *last = &program->plan->timed[program->n - 1];
-    return last->start_s + last->duration_s;
+    return nc_motion_total_s(program->plan->motion);
 }
 
 void sim_program_set_plan(SimProgram *program, SimPlan *plan)
@@ -200,8 +199,8 @@ SimPlan *sim_plan_new(const SimProgram *program, const CfgMachine *machine, NcOv
 {
     SimPlan *plan = g_atomic_rc_box_new0(SimPlan);
     plan->override = override;
-    plan->timed = nc_motion_plan_override(machine, override, program->spindle_rpm, program->moves,
-                                          program->n);
+    plan->motion =
+        nc_motion_new(machine, override, program->spindle_rpm, program->moves, program->n);
     return plan;
 }
 
@@ -212,7 +211,7 @@ SimPlan *sim_plan_ref(SimPlan *plan)
 
 static void plan_clear(void *plan)
 {
-    g_free(((SimPlan *)plan)->timed);
+    nc_motion_free(((SimPlan *)plan)->motion);
 }
 
 void sim_plan_unref(SimPlan *plan)

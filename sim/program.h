@@ -14,7 +14,7 @@
 /* How the moves of a program are driven; immutable, counted. */
 typedef struct {
     NcOverride override;
-    NcTimedMove *timed;
+    NcMotion *motion;
 } SimPlan;
 
 /* All but `plan` is immutable; counted, so that it may be planned anew in a thread. */

@@ -77,7 +77,7 @@ static bool woken(SimController *c, GArray *actions)
 
 static void happen(SimController *c, GArray *actions)
 {
-    const bool off_plan = c->drive.mode == SIM_RAMP;
+    const bool off_plan = c->drive.mode == SIM_DETOUR;
     const unsigned what = sim_drive_happen(&c->drive, c->time_s);
     if (what & SIM_MOVE_DONE && !finish_move(c, actions))
         return;
@@ -328,7 +328,7 @@ static void wait_for_spindle(SimController *c)
     if (drive->mode != SIM_FOLLOW || (kind != NC_MOVE_SPINDLE && kind != NC_MOVE_TOOL_CHANGE))
         return;
     const double left_s =
-        drive->plan->timed[drive->move].duration_s - sim_drive_move_s(drive, c->time_s);
+        nc_motion_duration_s(drive->plan->motion, drive->move) - sim_drive_move_s(drive, c->time_s);
     const double late_s = sim_spindle_settled_s(&c->spindle) - (c->time_s + left_s);
     if (late_s > SIM_SPINDLE_ROUNDING_S)
         sim_drive_delay(&c->drive, late_s);
@@ -466,10 +466,9 @@ static void complete(SimController *c, GArray *actions)
 static void note_broken(const SimController *c)
 {
     const SimDrive *d = &c->drive;
-    const double length_mm =
-        d->program && d->move < d->program->n ? nc_move_length_mm(&d->program->moves[d->move]) : 0;
-    if (length_mm > 0 && d->done > 0)
-        sim_course_add(c->options.course, d->program, d->move, fmin(1, d->done / length_mm));
+    const double part = sim_drive_part(d);
+    if (part > 0)
+        sim_course_add(c->options.course, d->program, d->move, part);
 }
 
 /* What drips was for one run. */
@@ -506,8 +505,16 @@ SegVec3 sim_run_position_mm(const SimController *c)
     const SimProgram *section = c->in_run ? c->drive.program : NULL;
     if (!section || section->n == 0)
         return c->position_mm;
-    return c->drive.move < section->n ? sim_drive_position_mm(&c->drive, c->time_s)
-                                      : section->moves[section->n - 1].to;
+    if (c->drive.move >= section->n)
+        return section->moves[section->n - 1].to;
+    const NcPoint point = sim_drive_point(&c->drive, c->time_s);
+    return seg_vec3(point.position[0], point.position[1], point.position[2]);
+}
+
+double sim_run_speed_mm_s(const SimController *c)
+{
+    const NcPoint point = sim_drive_point(&c->drive, c->time_s);
+    return seg_norm(seg_vec3(point.velocity[0], point.velocity[1], point.velocity[2]));
 }
 
 void sim_run_note(SimController *c, FbState state, GArray *actions)

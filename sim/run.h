@@ -98,6 +98,9 @@ void sim_run_feed(SimController *c, GArray *actions);
 int64_t sim_run_starved_us(const SimController *c);
 SegVec3 sim_run_position_mm(const SimController *c);
 
+/* Of the tool; not at the end of a section. */
+double sim_run_speed_mm_s(const SimController *c);
+
 /* Drops the passes of a program that drips. */
 void sim_run_drop_passes(SimController *c);
 

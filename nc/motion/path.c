@@ -77,30 +77,6 @@ SegVec3 nc_move_point(const NcMove *move, double fraction)
     return arc_point(move, &arc, fraction);
 }
 
-static SegVec3 arc_tangent(const NcArc *arc, double angle)
-{
-    double radius = 0.5 * (arc->radius_from_mm + arc->radius_to_mm);
-    double along = radius * fabs(arc->sweep_rad), all = hypot(along, arc->rise_mm);
-    double turned = arc->sweep_rad > 0.0 ? along / all : -along / all;
-    SegVec3 tangent = seg_vec3(0.0, 0.0, 0.0);
-    *nc_axis(&tangent, arc->axes.first) = -sin(angle) * turned;
-    *nc_axis(&tangent, arc->axes.second) = cos(angle) * turned;
-    *nc_axis(&tangent, arc->axes.normal) = arc->rise_mm / all;
-    return tangent;
-}
-
-void nc_move_tangents(const NcMove *move, SegVec3 *at_start, SegVec3 *at_end)
-{
-    if (move->kind == NC_MOVE_ARC) {
-        NcArc arc = nc_arc(move);
-        *at_start = arc_tangent(&arc, arc.start_rad);
-        *at_end = arc_tangent(&arc, arc.start_rad + arc.sweep_rad);
-    } else {
-        SegVec3 along = seg_sub(move->to, move->from);
-        *at_start = *at_end = seg_scale(along, 1.0 / seg_norm(along));
-    }
-}
-
 static void grow(SegVec3 *min, SegVec3 *max, SegVec3 p)
 {
     for (int axis = 0; axis < 3; axis++) {

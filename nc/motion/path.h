@@ -24,15 +24,6 @@ typedef struct {
 
 NcArc nc_arc(const NcMove *move);
 
-/* Whether the move leads along a path at all (it may still be of length zero). */
-static inline bool nc_move_travels(const NcMove *move)
-{
-    return move->kind <= NC_MOVE_ARC || move->kind == NC_MOVE_PROBE;
-}
-
-/* Unit tangents at a move's ends; of a move longer than zero. */
-void nc_move_tangents(const NcMove *move, SegVec3 *at_start, SegVec3 *at_end);
-
 static inline double *nc_axis(SegVec3 *v, int axis)
 {
     return axis == 0 ? &v->x : axis == 1 ? &v->y : &v->z;

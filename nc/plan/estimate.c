@@ -66,9 +66,10 @@ double nc_estimate_operation_s(const NcOperation *operation, const CfgRecipe *re
     walk.rpm = operation->spindle_rpm;
     walk_operation(&walk, operation);
     size_t n = walk.moves->len;
-    g_autofree NcTimedMove *timed = nc_motion_plan(machine, (NcMove *)(void *)walk.moves->data, n);
+    g_autoptr(NcMotion) motion =
+        nc_motion_new(machine, NC_NO_OVERRIDE, 0, (NcMove *)(void *)walk.moves->data, n);
     g_array_unref(walk.moves);
-    return n > 0 ? timed[n - 1].start_s + timed[n - 1].duration_s : 0;
+    return nc_motion_total_s(motion);
 }
 
 void nc_estimate_plan(NcPlan *plan, const CfgRecipe *recipe, const CfgMachine *machine)
@@ -92,17 +93,15 @@ void nc_estimate_plan(NcPlan *plan, const CfgRecipe *recipe, const CfgMachine *m
     }
     set_spindle(&walk, 0);
     rapid(&walk, seg_vec3(walk.at.x, walk.at.y, machine->axis[2].max_mm));
-    g_autofree NcTimedMove *timed =
-        nc_motion_plan(machine, (NcMove *)(void *)walk.moves->data, walk.moves->len);
+    g_autoptr(NcMotion) motion = nc_motion_new(machine, NC_NO_OVERRIDE, 0,
+                                               (NcMove *)(void *)walk.moves->data, walk.moves->len);
     double before = 0;
     for (size_t i = 0; i < plan->n_operations; i++) {
-        const NcTimedMove *last = end[i] > 0 ? &timed[end[i] - 1] : NULL;
-        double s = last ? last->start_s + last->duration_s : 0;
+        double s = nc_motion_start_s(motion, end[i]);
         plan->operations[i].estimated_s = s - before;
         before = s;
     }
-    const NcTimedMove *last = &timed[walk.moves->len - 1];
-    plan->estimated_s = last->start_s + last->duration_s;
+    plan->estimated_s = nc_motion_total_s(motion);
     g_array_unref(walk.moves);
 }
 

@@ -504,11 +504,12 @@ static void sum_whole(NcVerdict *verdict)
 
 static double cutting_s(const NcVerifier *verifier, size_t n)
 {
-    g_autofree NcTimedMove *timed = nc_motion_plan(verifier->input->machine, verifier->moves, n);
+    g_autoptr(NcMotion) motion =
+        nc_motion_new(verifier->input->machine, NC_NO_OVERRIDE, 0, verifier->moves, n);
     double s = 0;
     for (size_t i = 0; i < n; i++)
         if (verifier->moves[i].kind == NC_MOVE_FEED || verifier->moves[i].kind == NC_MOVE_ARC)
-            s += timed[i].duration_s;
+            s += nc_motion_duration_s(motion, i);
     return s;
 }
 

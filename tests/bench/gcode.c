@@ -6,8 +6,9 @@
 #include <string.h>
 #include <time.h>
 
+#include <glib/gstdio.h>
+
 #include "tests/lib/gcode.h"
-#include "tests/lib/test.h"
 
 enum { MOVES = 1000000, RUNS = 3 };
 
@@ -63,15 +64,14 @@ static guint read_lines(const char *text, gsize length, const CfgMachine *machin
 /* Seconds of LinuxCNC's rs274, which prints its calls to nowhere; 0: not to be had. */
 static double judge_s(const char *text, gsize length)
 {
-    char *folder = test_folder();
-    g_autofree char *path = g_build_filename(folder, "long.ngc", NULL);
+    g_autofree char *path = g_build_filename(g_get_tmp_dir(), "segmill-bench.ngc", NULL);
     g_autofree char *command = g_strdup_printf("bash tests/ci/rs274.sh --time %s", path);
     g_autofree char *answer = NULL;
     double seconds = 0.0;
     if (g_file_set_contents(path, text, (gssize)length, NULL) &&
         g_spawn_command_line_sync(command, &answer, NULL, NULL, NULL))
         seconds = g_ascii_strtod(answer, NULL);
-    test_folder_remove(folder);
+    g_unlink(path);
     return seconds;
 }
 
@@ -123,7 +123,8 @@ int main(void)
         read_s = fmin(read_s, processor_s() - start);
         n = moves->len;
         start = processor_s();
-        g_free(nc_motion_plan(&machine, (const NcMove *)(const void *)moves->data, n));
+        nc_motion_free(nc_motion_new(&machine, NC_NO_OVERRIDE, 0,
+                                     (const NcMove *)(const void *)moves->data, n));
         plan_s = fmin(plan_s, processor_s() - start);
     }
     g_autoptr(NcProgram) program = nc_program_write(&plan, &recipe, &machine, NULL, NULL);

@@ -37,11 +37,13 @@ static bool touches(const NcMove *move, bool away, SegVec3 *where, void *data)
 static void check_motion(const CfgMachine *machine, const GArray *moves)
 {
     const NcMove *move = (const NcMove *)(const void *)moves->data;
-    g_autofree NcTimedMove *timed = nc_motion_plan(machine, move, moves->len);
+    g_autoptr(NcMotion) motion = nc_motion_new(machine, NC_NO_OVERRIDE, 0, move, moves->len);
     for (guint i = 0; i < moves->len; i++) {
-        g_assert(isfinite(timed[i].duration_s) && timed[i].duration_s >= 0.0);
-        SegVec3 middle = nc_motion_position(&move[i], &timed[i], 0.5 * timed[i].duration_s);
-        g_assert(isfinite(middle.x) && isfinite(middle.y) && isfinite(middle.z));
+        double duration_s = nc_motion_duration_s(motion, i);
+        g_assert(isfinite(duration_s) && duration_s >= 0.0);
+        NcPoint middle = nc_motion_at(motion, nc_motion_start_s(motion, i) + 0.5 * duration_s);
+        for (int axis = 0; axis < 6; axis++)
+            g_assert(isfinite(middle.position[axis]));
     }
 }
 
