@@ -60,15 +60,16 @@ double seg_largest_coordinate(const double *reals, const SegSurface *surface);
 void seg_chunk_store(SegChunk *chunk, size_t n, bool rational, bool reversed, SegSurfaceBatch *out,
                      size_t at);
 
-/* The grid of seg_face_grid on any surface: point (i, j) goes to at + i·stride + j of `out`. */
+/* The grid of seg_face_grid on any surface: point (i, j) goes to at + i·stride + j of `out`. The
+ * chunk is room to work in. */
 void seg_surface_grid(const double *reals, const SegSurface *surface, bool reversed,
-                      const double *u, size_t n_u, const double *v, size_t n_v,
+                      const double *u, size_t n_u, const double *v, size_t n_v, SegChunk *chunk,
                       SegSurfaceBatch *out, size_t at, size_t stride);
 
 /* The points of seg_face_points on any surface: point i goes to at + i of `out`. */
 void seg_surface_points(const double *reals, const SegSurface *surface, bool reversed,
-                        const double *u, const double *v, size_t n, SegSurfaceBatch *out,
-                        size_t at);
+                        const double *u, const double *v, size_t n, SegChunk *chunk,
+                        SegSurfaceBatch *out, size_t at);
 
 /* Where t lies in [a, b], or its nearest end; NaN goes to a. */
 static inline double seg_clamp(double t, double a, double b)

@@ -37,8 +37,10 @@ void seg_face_grid(const SegPart *part, int32_t face, const double *u, size_t n_
                    size_t n_v, SegSurfaceBatch *out)
 {
     const SegFace *f = &part->faces[face];
+    SegChunk chunk = {0};
     if (f->surface.n_u > 0)
-        seg_surface_grid(part->reals, &f->surface, f->reversed, u, n_u, v, n_v, out, 0, n_v);
+        seg_surface_grid(part->reals, &f->surface, f->reversed, u, n_u, v, n_v, &chunk, out, 0,
+                         n_v);
     else
         memset(out->flags, SEG_POINT_DEGENERATE, n_u * n_v);
 }
@@ -90,7 +92,7 @@ static void prepare_v(Grid *g, const double *v)
 }
 
 void seg_surface_grid(const double *reals, const SegSurface *surface, bool reversed,
-                      const double *u, size_t n_u, const double *v, size_t n_v,
+                      const double *u, size_t n_u, const double *v, size_t n_v, SegChunk *chunk,
                       SegSurfaceBatch *out, size_t at, size_t stride)
 {
     if (n_u == 0 || n_v == 0)
@@ -103,18 +105,17 @@ void seg_surface_grid(const double *reals, const SegSurface *surface, bool rever
     lay_out_net(&g);
     prepare_v(&g, v);
     g.row = g_new(double, 3 * (size_t)g.dim * (size_t)surface->n_v);
-    SegChunk chunk = {0};
     for (size_t i = 0; i < n_u; i++) {
-        sum_over_u(&g, u[i], &chunk);
+        sum_over_u(&g, u[i], chunk);
         for (size_t r = 0; r < g.n_runs;) {
             size_t first = g.runs[r].first, n = 0;
             do { /* the runs of one chunk */
-                sum_run(&g, &g.runs[r], &chunk, n);
+                sum_run(&g, &g.runs[r], chunk, n);
                 n += g.runs[r].n;
             } while (++r < g.n_runs && g.runs[r].first % SEG_CHUNK != 0);
-            memcpy(chunk.noise[SEG_NOISE_V], g.noise_v + first, n * sizeof(double));
-            memcpy(chunk.noise[SEG_NOISE_VV], g.noise_vv + first, n * sizeof(double));
-            seg_chunk_store(&chunk, n, surface->rational, reversed, out, at + i * stride + first);
+            memcpy(chunk->noise[SEG_NOISE_V], g.noise_v + first, n * sizeof(double));
+            memcpy(chunk->noise[SEG_NOISE_VV], g.noise_vv + first, n * sizeof(double));
+            seg_chunk_store(chunk, n, surface->rational, reversed, out, at + i * stride + first);
         }
     }
     g_free(g.net);
@@ -151,7 +152,7 @@ static void sum_over_u(const Grid *g, double u, SegChunk *chunk)
     seg_basis(knots, s->degree_u, span, u, 2, basis);
     double noise_u = seg_noise(g->largest, basis[1], s->degree_u);
     double noise_uu = seg_noise(g->largest, basis[2], s->degree_u);
-    for (size_t k = 0; k < SEG_CHUNK_ROOM; k++) {
+    for (size_t k = 0; k < seg_whole_strides(MIN(g->n_samples, SEG_CHUNK)); k++) {
         chunk->noise[SEG_NOISE_U][k] = noise_u;
         chunk->noise[SEG_NOISE_UU][k] = noise_uu;
     }

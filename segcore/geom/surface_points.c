@@ -27,14 +27,16 @@ void seg_face_points(const SegPart *part, int32_t face, const double *u, const d
                      SegSurfaceBatch *out)
 {
     const SegFace *f = &part->faces[face];
+    SegChunk chunk = {0};
     if (f->surface.n_u > 0)
-        seg_surface_points(part->reals, &f->surface, f->reversed, u, v, n, out, 0);
+        seg_surface_points(part->reals, &f->surface, f->reversed, u, v, n, &chunk, out, 0);
     else
         memset(out->flags, SEG_POINT_DEGENERATE, n);
 }
 
 void seg_surface_points(const double *reals, const SegSurface *surface, bool reversed,
-                        const double *u, const double *v, size_t n, SegSurfaceBatch *out, size_t at)
+                        const double *u, const double *v, size_t n, SegChunk *chunk,
+                        SegSurfaceBatch *out, size_t at)
 {
     SegSurfaceTables t = seg_surface_tables(reals, surface);
     size_t n_poles = (size_t)surface->n_u * (size_t)surface->n_v;
@@ -45,20 +47,20 @@ void seg_surface_points(const double *reals, const SegSurface *surface, bool rev
             net[i][x] = w * t.poles[3 * i + x];
         net[i][3] = w;
     }
-    Axis *axes = g_new0(Axis, 2);
+    Axis *axes = g_new(Axis, 2);
+    axes[0].span[0] = axes[1].span[0] = 0;
     axes[0].knots = t.knots_u, axes[0].degree = surface->degree_u, axes[0].n = surface->n_u;
     axes[1].knots = t.knots_v, axes[1].degree = surface->degree_v, axes[1].n = surface->n_v;
     double largest = seg_largest_coordinate(reals, surface);
-    SegChunk chunk = {0};
     for (size_t first = 0; first < n; first += SEG_CHUNK) {
         size_t count = MIN(n - first, SEG_CHUNK);
         evaluate_basis(&axes[0], u + first, count);
         evaluate_basis(&axes[1], v + first, count);
-        measure_noise(&axes[0], largest, chunk.noise[SEG_NOISE_U], chunk.noise[SEG_NOISE_UU]);
-        measure_noise(&axes[1], largest, chunk.noise[SEG_NOISE_V], chunk.noise[SEG_NOISE_VV]);
+        measure_noise(&axes[0], largest, chunk->noise[SEG_NOISE_U], chunk->noise[SEG_NOISE_UU]);
+        measure_noise(&axes[1], largest, chunk->noise[SEG_NOISE_V], chunk->noise[SEG_NOISE_VV]);
         for (size_t k = 0; k < count; k++)
-            sum_point(&axes[0], &axes[1], (const double(*)[4])net, k, &chunk);
-        seg_chunk_store(&chunk, count, surface->rational, reversed, out, at + first);
+            sum_point(&axes[0], &axes[1], (const double(*)[4])net, k, chunk);
+        seg_chunk_store(chunk, count, surface->rational, reversed, out, at + first);
     }
     g_free(axes);
     g_free(net);

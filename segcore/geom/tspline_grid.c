@@ -85,10 +85,10 @@ static void scatter(const SegSurfaceBatch *from, const uint32_t *to, size_t n, S
 }
 
 static void evaluate(const SegTspline *t, int32_t face, const double *u, const double *v, size_t n,
-                     SegSurfaceBatch *out)
+                     SegChunk *chunk, SegSurfaceBatch *out)
 {
     const double *reals = (const double *)(void *)t->patches->reals->data;
-    seg_surface_points(reals, &t->patches->surfaces[face], false, u, v, n, out, 0);
+    seg_surface_points(reals, &t->patches->surfaces[face], false, u, v, n, chunk, out, 0);
 }
 
 /* ------------------------------------------------------------------ scattered points */
@@ -111,6 +111,7 @@ static void evaluate_places(const SegTspline *t, const Place *places, size_t n, 
 {
     g_autofree double *some_u = g_new(double, n), *some_v = g_new(double, n);
     g_autofree uint32_t *to = g_new(uint32_t, n);
+    SegChunk chunk = {0};
     g_autoptr(SegSurfaceBatch) some = seg_surface_batch_new(n, out->fields);
     for (size_t first = 0, end; first < n; first = end) {
         for (end = first; end < n && places[end].face == places[first].face; end++) {
@@ -118,7 +119,7 @@ static void evaluate_places(const SegTspline *t, const Place *places, size_t n, 
             some_u[end - first] = u[places[end].point];
             some_v[end - first] = v[places[end].point];
         }
-        evaluate(t, places[first].face, some_u, some_v, end - first, some);
+        evaluate(t, places[first].face, some_u, some_v, end - first, &chunk, some);
         scatter(some, to, end - first, out);
     }
 }
@@ -176,7 +177,8 @@ static void find_range(const int32_t *lines, size_t n, size_t *first, size_t *en
 /* Points of the grid in no face's cell that lie on the border of one: on the upper sides of the
  * surface, and on the lower and left sides of holes. */
 static void evaluate_borders(const SegTspline *t, const double *u, const int32_t *in_u, size_t n_u,
-                             const double *v, const int32_t *in_v, size_t n_v, SegSurfaceBatch *out)
+                             const double *v, const int32_t *in_v, size_t n_v, SegChunk *chunk,
+                             SegSurfaceBatch *out)
 {
     for (size_t i = 0; i < n_u; i++)
         for (size_t j = 0; j < n_v; j++) {
@@ -187,7 +189,7 @@ static void evaluate_borders(const SegTspline *t, const double *u, const int32_t
             if (face < 0)
                 continue;
             g_autoptr(SegSurfaceBatch) one = seg_surface_batch_new(1, out->fields);
-            evaluate(t, face, &u[i], &v[j], 1, one);
+            evaluate(t, face, &u[i], &v[j], 1, chunk, one);
             scatter(one, &(uint32_t){(uint32_t)(i * n_v + j)}, 1, out);
         }
 }
@@ -199,6 +201,7 @@ void seg_tspline_grid(const SegTspline *t, const double *u, size_t n_u, const do
     g_autofree int32_t *in_v = lines_below(t->knots_v, t->n_v, v, n_v);
     const double *reals = (const double *)(void *)t->patches->reals->data;
     size_t u0, u1, v0, v1;
+    SegChunk chunk = {0};
     find_range(in_u, n_u, &u0, &u1);
     find_range(in_v, n_v, &v0, &v1);
     set_outside(out, 0, n_u * n_v);
@@ -212,7 +215,7 @@ void seg_tspline_grid(const SegTspline *t, const double *u, size_t n_u, const do
         size_t j1 = v0 + first_from(in_v + v0, v1 - v0, face->j1);
         if (i0 < i1 && j0 < j1)
             seg_surface_grid(reals, &t->patches->surfaces[f], false, u + i0, i1 - i0, v + j0,
-                             j1 - j0, out, i0 * n_v + j0, n_v);
+                             j1 - j0, &chunk, out, i0 * n_v + j0, n_v);
     }
-    evaluate_borders(t, u, in_u, n_u, v, in_v, n_v, out);
+    evaluate_borders(t, u, in_u, n_u, v, in_v, n_v, &chunk, out);
 }

@@ -14,10 +14,11 @@ static const double SECONDS = 0.5;
 
 enum { MAP = SEG_POSITIONS | SEG_NORMALS | SEG_CURVATURES };
 
-typedef enum { GRID, POINTS } Kind;
+typedef enum { GRID, POINTS, TSPLINE } Kind;
 
 typedef struct {
     const SegPart *part;
+    const SegTspline *tspline; /* of the same surface; NULL: its degree is above 3 */
     Kind kind;
     size_t n_u, n_v;
     const double *u, *v;         /* of the grid's lines */
@@ -37,6 +38,8 @@ static void evaluate(const Case *c)
 {
     if (c->kind == GRID)
         seg_face_grid(c->part, 0, c->u, c->n_u, c->v, c->n_v, c->batch);
+    else if (c->kind == TSPLINE)
+        seg_tspline_grid(c->tspline, c->u, c->n_u, c->v, c->n_v, c->batch);
     else
         seg_face_points(c->part, 0, c->all_u, c->all_v, c->n_u * c->n_v, c->batch);
 }
@@ -81,13 +84,20 @@ static void measure(const char *name, const SegPart *part, size_t n)
     g_autoptr(SegSurfaceBatch) map = seg_surface_batch_new(n * n, MAP);
     g_autoptr(GByteArray) question = g_byte_array_new();
     surface_judge_ask(question, part->reals, &part->faces[0].surface, all_u, all_v, n * n);
+    g_autoptr(SegTspline) t = seg_tspline_from_face(part, 0, NULL);
+    Case c = {part, t, GRID, n, n, u, v, all_u, all_v, map};
     printf("  %-34s %4zux%-4zu\n", name, n, n);
-    report("map, grid", surface_judge_speed(question, SECONDS, false),
-           points_per_s(&(Case){part, GRID, n, n, u, v, all_u, all_v, map}));
-    double peer = surface_judge_speed(question, SECONDS, true);
-    report("all, grid", peer, points_per_s(&(Case){part, GRID, n, n, u, v, all_u, all_v, all}));
-    report("all, scattered", peer,
-           points_per_s(&(Case){part, POINTS, n, n, u, v, all_u, all_v, all}));
+    double peer = surface_judge_speed(question, SECONDS, false);
+    report("map, grid", peer, points_per_s(&c));
+    c.kind = TSPLINE;
+    if (t)
+        report("map, as T-spline", peer, points_per_s(&c));
+    peer = surface_judge_speed(question, SECONDS, true);
+    c.kind = GRID;
+    c.batch = all;
+    report("all, grid", peer, points_per_s(&c));
+    c.kind = POINTS;
+    report("all, scattered", peer, points_per_s(&c));
 }
 
 int main(void)
