@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # The main job, start to end: a virtual CNC, a shipped IGES part, regions, one program, delivery
-# over Modbus TCP, the run. Everything it makes stays in $BUILD/demo.
+# over Modbus TCP, the run, the proof of what it cut. Everything it makes stays in $BUILD/demo.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 build=${BUILD:-build}
@@ -21,6 +21,10 @@ echo "vcnc, the virtual CNC, listens at modbus://$address"
 "$build/segmill" run config/etc/recipe.ini --to "modbus://$address" -o "$out"
 
 echo
-echo "picture:  $out/regions.png"
+echo "what the program leaves of the stock, against the CAD faces:"
+"$build/segmill" verify "$out/program.ngc" --recipe config/etc/recipe.ini -o "$out"
+
+echo
+echo "pictures: $out/regions.png, $out/deviation.png"
 echo "program:  $out/program.ngc"
-echo "report:   $out/run.json, $out/plan.json, $out/regions.json"
+echo "report:   $out/run.json, $out/plan.json, $out/verify.json, $out/regions.json"

@@ -8,7 +8,7 @@ cd "$(dirname "$0")/../.." || exit 1
 
 # ------------------------------------------------------------------------------ usage
 ok "help names every command" says 0 "segmill restart\|segmill segment" "$segmill" --help
-for command in init segment plan estimate send run hold resume abort override optional-stop \
+for command in init segment plan estimate verify send run hold resume abort override optional-stop \
     restart panel status; do
     ok "help $command" says 0 "segmill $command " "$segmill" help "$command"
     ok "$command --help" says 0 "Options:" "$segmill" "$command" --help
