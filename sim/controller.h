@@ -8,7 +8,7 @@
  * machine waits: for a person (HELD, PROGRAM_STOP, an override of 0), for the next pass of a
  * program that drips, for a plan. Programs are examined from the place where the machine changes
  * tools: there it stands at power-up, and from elsewhere START sends it back there first. Block
- * times come from the plan and from exactly solved ramps (sim/ramp.h), never from summed steps, so
+ * times come from the plan and from exactly solved detours (nc/motion.h), never from summed steps, so
  * they are the same at every speed.
  *
  * Overrides: whoever steps the controller asks for sim_controller_unplanned after each step, plans

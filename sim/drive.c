@@ -21,6 +21,7 @@ static NcAlong along(const SimDrive *d, double time_s);
 static bool on_path(const SimDrive *d);
 static double begin_mm(const SimDrive *d);
 static void set_law(SimDrive *d, SimPlan *law, guint phases);
+static void take_newest_plan(SimDrive *d);
 
 bool sim_drive_go(SimDrive *d, double time_s)
 {
@@ -166,37 +167,41 @@ void sim_drive_brake(SimDrive *d, double time_s)
     d->to_rest = true;
 }
 
+static void take_newest_plan(SimDrive *d)
+{
+    sim_plan_unref(d->plan);
+    d->plan = sim_plan_ref(d->program->plan);
+}
+
 void sim_drive_replan(SimDrive *d, double time_s)
 {
     if (d->mode == SIM_STAND || !on_path(d)) {
-        d->done_s = d->mode == SIM_STAND || !on_path(d) ? d->done_s : 0;
         if (d->mode == SIM_FOLLOW)
             d->done_s = sim_drive_move_s(d, time_s);
-        sim_plan_unref(d->plan);
-        d->plan = sim_plan_ref(d->program->plan);
+        take_newest_plan(d);
         set_law(d, d->plan, 0);
         if (d->mode == SIM_FOLLOW)
             follow(d, time_s);
         return;
     }
     const NcAlong from = along(d, time_s);
-    SimPlan *old = law_at(d) == d->plan->motion ? d->plan : d->law;
-    const guint phases = d->mode == SIM_DETOUR ? d->detour->len : 0;
-    set_law(d, old, phases);
-    if (d->mode == SIM_FOLLOW) {
-        /* Until a detour is found the place is on the old plan. */
+    SimPlan *old = sim_plan_ref(d->plan);
+    if (d->mode == SIM_FOLLOW) { /* until a detour is found the place is on the old plan */
+        set_law(d, old, 1);
         d->mode = SIM_DETOUR;
         d->phase = 0;
-        d->law_phases = 1;
         d->stopping = false;
         g_array_set_size(d->detour, 0);
+    } else if (law_at(d) == old->motion) {
+        set_law(d, old, d->detour->len);
     }
-    sim_plan_unref(d->plan);
-    d->plan = sim_plan_ref(d->program->plan);
-    if (d->stopping)
-        return;
-    if (!to_plan(d, from, time_s))
+    take_newest_plan(d);
+    if (!d->stopping && !to_plan(d, from, time_s)) {
+        sim_plan_unref(d->plan); /* not before the detour is over */
+        d->plan = sim_plan_ref(old);
         d->plan_wanted = true;
+    }
+    sim_plan_unref(old);
 }
 
 bool sim_drive_prepare_stop(SimDrive *d, size_t move, double time_s)
@@ -372,19 +377,20 @@ static unsigned finish_detour(SimDrive *d, double time_s)
         if (d->move < d->program->n && on_path(d) && d->phase >= d->detour->len)
             d->at_mm = end_of(d->detour, (NcAlong){0}).s_mm;
         d->mode = SIM_STAND;
+        if (plan)
+            take_newest_plan(d);
         sim_drive_stand(d, time_s);
         return stopping || stop ? SIM_AT_REST : 0;
     }
-    if (d->move >= d->program->n || !on_path(d)) {
+    if (d->move >= d->program->n) {
         d->mode = SIM_STAND;
-        if (d->move < d->program->n)
-            follow(d, time_s);
-    } else if (plan) {
-        d->law_phases = d->phase + 1; /* the place is on the old plan */
-        to_plan(d, end_of(d->detour, (NcAlong){0}), time_s);
-    } else {
+    } else if (on_path(d)) {
         follow_from(d, d->met_mm, time_s);
+    } else {
+        follow(d, time_s);
     }
+    if (plan && d->move < d->program->n)
+        sim_drive_replan(d, time_s);
     if (stop && d->mode != SIM_STAND)
         sim_drive_brake(d, time_s);
     return stop && d->mode == SIM_STAND ? SIM_AT_REST : 0;

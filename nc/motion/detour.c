@@ -14,6 +14,7 @@
 /* Places closer than this are one where the machine rests; a ramp may end so far behind one. */
 #define SAME_MM 1e-8
 #define FITS_MM 1e-9
+#define REST_MM_S 1e-6
 /* How many stretches are looked at first when a ramp is to meet the plan. */
 #define AHEAD 64
 
@@ -154,8 +155,8 @@ GArray *nc_motion_join(const NcMotion *motion, NcAlong from, double *met_mm)
     size_t k = stretch_of(motion, from.s_mm);
     NcAlong plan = plan_at(motion, k, from.s_mm);
     *met_mm = from.s_mm;
-    if (from.v_mm_s == 0.0 && rests_near(motion, k, from.s_mm, met_mm))
-        return new_phases();
+    if (rests_near(motion, k, from.s_mm, met_mm))
+        return from.v_mm_s <= REST_MM_S ? new_phases() : NULL;
     if (from.v_mm_s > plan.v_mm_s * (1.0 + SAME_SPEED) ||
         (from.v_mm_s > 0.0 && !(motion->stretches[k].top > 0.0)))
         return NULL;

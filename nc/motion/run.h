@@ -75,8 +75,7 @@ void nc_run_cells(NcRun *run);
 #define NC_TANGENT_RAD 1e-3
 #define NC_STRAIGHT_RAD 1e-9
 
-/* The share of an axis' acceleration that may turn the path, and of its jerk; an eighth of the
- * jerk's cross term … see nc/motion/cells.c. */
+/* The shares of an axis' acceleration and jerk that may turn the path (cells.c). */
 #define NC_ACROSS 0.86602540378443865 /* √3/2 */
 #define NC_JERK_ACROSS 0.5
 
