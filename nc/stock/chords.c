@@ -34,15 +34,16 @@ bool nc_chords_check(const NcMove *moves, size_t n, const CfgToolTable *tools, G
                         nc_move_block_line(move), move->tool);
             return false;
         }
-        for (int k = 0; k < 3; k++)
-            if (move->from_deg[k] != 0 || move->to_deg[k] != 0) {
-                g_set_error(error, NC_ERROR, NC_ERROR_PROGRAM,
-                            "line %u: a move with rotary axis %c at %.6g degrees; material is "
-                            "removed in three axes only, with A, B and C at 0",
-                            nc_move_block_line(move), "ABC"[k],
-                            move -> to_deg[k] != 0 ? move -> to_deg[k] : move -> from_deg[k]);
-                return false;
-            }
+        for (int k = 0; k < 3; k++) {
+            double deg = move->to_deg[k] != 0 ? move->to_deg[k] : move->from_deg[k];
+            if (deg == 0)
+                continue;
+            g_set_error(error, NC_ERROR, NC_ERROR_PROGRAM,
+                        "line %u: a move with rotary axis %c at %.6g degrees; material is removed "
+                        "in three axes only, with A, B and C at 0",
+                        nc_move_block_line(move), "ABC"[k], deg);
+            return false;
+        }
     }
     return true;
 }
@@ -92,17 +93,14 @@ static int forbidden(const NcMove *move, const CfgTool *tool)
     return turns ? -1 : NC_COLLISION_SPINDLE;
 }
 
-/* An arc of radius r deviates from its chord by r·(1 - cos(angle / 2)). */
-static size_t chords_of(const NcMove *move)
+size_t nc_chords_of(const NcMove *move)
 {
     if (move->kind != NC_MOVE_ARC)
         return 1;
     NcArc arc = nc_arc(move);
     double r = fmax(arc.radius_from_mm, arc.radius_to_mm);
-    if (r <= NC_STOCK_CHORD_MM)
-        return (size_t)ceil(fabs(arc.sweep_rad));
-    double step = 2 * acos(1 - NC_STOCK_CHORD_MM / r);
-    return (size_t)fmax(ceil(fabs(arc.sweep_rad) / step), 1);
+    /* A chord over an angle deviates by r·(1 - cos(angle / 2)) <= r·angle² / 8. */
+    return (size_t)fmax(ceil(fabs(arc.sweep_rad) * sqrt(r / (8 * NC_STOCK_CHORD_MM))), 1);
 }
 
 static uint32_t new_cut(NcStock *stock, const NcMove *move)
@@ -155,7 +153,7 @@ size_t nc_chord_reader_next(NcChordReader *reader, NcStock *stock, const NcGroup
         int rule = forbidden(move, cutter->tool);
         uint32_t cut = reader->done == 0 ? new_cut(stock, move) : stock->n_cuts - 1;
         SegVec3 zero = seg_add(reader->zero, seg_vec3(0, 0, cutter->tool->length_mm));
-        size_t n = chords_of(move), i = reader->done;
+        size_t n = nc_chords_of(move), i = reader->done;
         SegVec3 a = seg_sub(nc_move_point(move, (double)i / (double)n), zero);
         for (; i < n && n_chords < most; i++) {
             NcGroup *group = n_groups > 0 ? &reader->groups[n_groups - 1] : NULL;

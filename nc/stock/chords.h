@@ -42,6 +42,9 @@ bool nc_chords_wanted(const NcMove *move);
 /* Whether all moves can be judged; NC_ERROR_PROGRAM with the line where not. */
 bool nc_chords_check(const NcMove *moves, size_t n, const CfgToolTable *tools, GError **error);
 
+/* How many chords a move is, even shares of it: a straight one is one. */
+size_t nc_chords_of(const NcMove *move);
+
 /* A reader of moves into chords and groups, a batch at a time. */
 typedef struct NcChordReader NcChordReader;
 

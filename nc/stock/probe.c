@@ -322,18 +322,13 @@ static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTabl
     return &g_array_index(probing->layers, Layer, probing->layers->len - 1);
 }
 
-/* Straight moves are as many pieces as their level length needs, arcs as their sagitta. */
+/* Its chords, or more where they were too long. */
 static size_t pieces_of(const Layer *layer, const NcMove *move)
 {
-    double level = hypot(move->to.x - move->from.x, move->to.y - move->from.y);
-    double n = ceil(level / layer->longest);
-    if (move->kind == NC_MOVE_ARC) {
-        double length = nc_move_length_mm(move);
-        double radius =
-            fmax(seg_distance(move->from, move->centre), seg_distance(move->to, move->centre));
-        n = ceil(length / fmin(sqrt(8 * radius * NC_STOCK_CHORD_MM), layer->longest));
-    }
-    return (size_t)fmax(fmin(n, PIECES_MOST), 1);
+    double level = move->kind == NC_MOVE_ARC
+                       ? nc_move_length_mm(move)
+                       : hypot(move->to.x - move->from.x, move->to.y - move->from.y);
+    return MAX(nc_chords_of(move), (size_t)fmin(ceil(level / layer->longest), PIECES_MOST + 1.0));
 }
 
 static bool add_move(Layer *layer, const NcMove *move, size_t index, SegVec3 zero, GError **error)

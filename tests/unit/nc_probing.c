@@ -6,6 +6,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "nc/stock/chords.h"
+
 #include "tests/lib/test.h"
 
 #define LENGTH_MM 60.0
@@ -167,6 +169,23 @@ static void arcs(void)
         }
 }
 
+/* A steep helix bores its cylinder, which the last turn alone touches just above the tip. */
+static void helix(void)
+{
+    const double turns = 3, rise = -19;
+    NcMove bore = feed(CFG_TOOL_FLAT, seg_vec3(1, 0, 0), seg_vec3(1, 0, rise));
+    bore.kind = NC_MOVE_ARC;
+    bore.plane = 17;
+    bore.turn = (int)turns;
+    bore.centre = seg_sub(bore.from, seg_vec3(1, 0, 0));
+    g_autoptr(NcProbing) probing = probing_of(&bore, 1);
+    for (double turn = turns - 0.9; probing && turn < turns - 0.1; turn += 0.0123) {
+        SegVec3 ray = {cos(2 * G_PI * turn), sin(2 * G_PI * turn), 0};
+        SegVec3 point = {4 * ray.x, 4 * ray.y, rise * turn / turns + 0.2};
+        test_near(deviation(probing, point, seg_scale(ray, -1)), 0, NC_STOCK_CHORD_MM, 0);
+    }
+}
+
 /* Nothing cut: the stock's end, on either side of the point. */
 static void uncut(void)
 {
@@ -231,6 +250,7 @@ static void add(void)
     g_test_add_func("/nc/probing/spheres", spheres);
     g_test_add_func("/nc/probing/rows", rows);
     g_test_add_func("/nc/probing/arcs", arcs);
+    g_test_add_func("/nc/probing/helix", helix);
     g_test_add_func("/nc/probing/uncut", uncut);
     g_test_add_func("/nc/probing/deep", deep);
     g_test_add_func("/nc/probing/errors", errors);
