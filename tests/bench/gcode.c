@@ -110,7 +110,7 @@ int main(void)
                    .budget = {.blend_mm = 0.00245, .rounding_mm = 0.00035},
                    .clearance_mm = 5.0};
     fill(&operation);
-    double write_s = INFINITY, read_s = INFINITY, plan_s = INFINITY;
+    double write_s = INFINITY, read_s = INFINITY, plan_s[2] = {INFINITY, INFINITY};
     gsize length = 0;
     guint n = 0;
     for (int run = 0; run < RUNS; run++) {
@@ -122,10 +122,14 @@ int main(void)
         g_autoptr(GArray) moves = nc_read_program(text, length, &machine, gcode_tools(), NULL);
         read_s = fmin(read_s, processor_s() - start);
         n = moves->len;
-        start = processor_s();
-        nc_motion_free(nc_motion_new(&machine, NC_NO_OVERRIDE, 0,
-                                     (const NcMove *)(const void *)moves->data, n));
-        plan_s = fmin(plan_s, processor_s() - start);
+        for (int jerk = 0; jerk < 2; jerk++) {
+            for (int axis = 0; axis < 3; axis++)
+                machine.axis[axis].max_mm_s3 = jerk * 10000.0;
+            start = processor_s();
+            nc_motion_free(nc_motion_new(&machine, NC_NO_OVERRIDE, 0,
+                                         (const NcMove *)(const void *)moves->data, n));
+            plan_s[jerk] = fmin(plan_s[jerk], processor_s() - start);
+        }
     }
     g_autoptr(NcProgram) program = nc_program_write(&plan, &recipe, &machine, NULL, NULL);
     g_array_unref(operation.path.locations);
@@ -133,7 +137,9 @@ int main(void)
            (double)length * 1e-6);
     report("writing G-code", (double)length * 1e-6 / write_s, "MB/s", "  (goal 100, must 10)");
     report("reading, keeping the moves", n / read_s * 1e-6, "million blocks/s", "");
-    report("planning motion", n / plan_s * 1e-6, "million moves/s", "");
+    report("planning motion", n / plan_s[0] * 1e-6, "million moves/s", "  (goal 0.5, must 0.1)");
+    report("with limited jerk", n / plan_s[1] * 1e-6, "million moves/s",
+           "  (goal 0.15, must 0.03)");
     compare(g_bytes_get_data(program->bytes, NULL), length, &machine);
     return 0;
 }
