@@ -34,7 +34,7 @@ static Ring ring_of(const NcContour *contour, const int32_t node[3], int axis);
 static void cut_ring(const SegVec3 *vertices, const Ring *ring, bool upwards, Row *row);
 static void fan_ring(const Ring *ring, const NcMeshGrid *grid, const int32_t node[3], bool upwards,
                      Row *row);
-static void join_rows(const Row *rows, size_t n_rows, NcMesh *mesh);
+static void join_rows(Row *rows, size_t n_rows, NcMesh *mesh);
 
 void nc_contour_faces(const NcContour *contour, NcMesh *mesh)
 {
@@ -44,10 +44,6 @@ void nc_contour_faces(const NcContour *contour, NcMesh *mesh)
     for (int32_t i = 0; i < n_rows; i++)
         contour_row(contour, i, mesh->vertices, &rows[i]);
     join_rows(rows, (size_t)n_rows, mesh);
-    for (int32_t i = 0; i < n_rows; i++) {
-        g_free(rows[i].triangles);
-        g_free(rows[i].centres);
-    }
     g_free(rows);
 }
 
@@ -243,7 +239,8 @@ static void fan_ring(const Ring *ring, const NcMeshGrid *grid, const int32_t nod
                      -(int32_t)row->n_centres, row);
 }
 
-static void join_rows(const Row *rows, size_t n_rows, NcMesh *mesh)
+/* Each is freed as soon as it is joined: the triangles need not fit twice. */
+static void join_rows(Row *rows, size_t n_rows, NcMesh *mesh)
 {
     size_t n_vertices = mesh->n_vertices;
     for (size_t r = 0; r < n_rows; r++) {
@@ -266,5 +263,7 @@ static void join_rows(const Row *rows, size_t n_rows, NcMesh *mesh)
             memcpy(mesh->vertices + mesh->n_vertices, row->centres,
                    row->n_centres * sizeof *row->centres);
         mesh->n_vertices += row->n_centres;
+        g_free(row->triangles);
+        g_free(row->centres);
     }
 }
