@@ -193,15 +193,15 @@ double nc_verifier_measure(const NcVerifier *verifier, const NcPlace *place, siz
     NcProbed probed = nc_probing_measure(verifier->probing, place->point, place->normal, stock_mm);
     if (move)
         *move = probed.move;
-    double limit = verifier->gouge_limit_mm;
-    double deviation = probed.deviation_mm - recipe->stock_to_leave_mm;
-    if (deviation >= -limit || probed.deviation_mm >= 0)
+    double limit = verifier->gouge_limit_mm, leave = recipe->stock_to_leave_mm;
+    double deviation = probed.deviation_mm - leave;
+    if (deviation >= -limit / 2 || probed.deviation_mm >= 0)
         return deviation;
     /* At an edge the normal misses what is left: an edge that is broken within the limit is none
      * of a gouge as deep as the face is long. */
-    double nearest = nearest_material(verifier, place, stock_mm) + recipe->stock_to_leave_mm;
-    if (nearest <= limit)
-        return -nearest;
+    double nearest = nearest_material(verifier, place, stock_mm) + leave;
+    if (nearest <= limit || deviation >= -limit)
+        return fmax(deviation, -nearest);
     int32_t face = verifier->input->part->triangles[place->triangle].face;
     return -nc_thickness_mm(verifier->thickness, place->point, place->normal, face, -deviation);
 }
