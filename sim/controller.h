@@ -8,8 +8,8 @@
  * machine waits: for a person (HELD, PROGRAM_STOP, an override of 0), for the next pass of a
  * program that drips, for a plan. Programs are examined from the place where the machine changes
  * tools: there it stands at power-up, and from elsewhere START sends it back there first. Block
- * times come from the plan and from exactly solved detours (nc/motion.h), never from summed steps, so
- * they are the same at every speed.
+ * times come from the plan and from exactly solved detours (nc/motion.h), never from summed steps,
+ * so they are the same at every speed.
  *
  * Overrides: whoever steps the controller asks for sim_controller_unplanned after each step, plans
  * that program anew, in a thread if it is long, and brings the plan as SIM_PLAN. A run goes on by
