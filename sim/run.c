@@ -303,6 +303,7 @@ static void begin_move(SimController *c, GArray *actions)
     const NcMove *move = &c->drive.program->moves[c->drive.move];
     const bool change = move->kind == NC_MOVE_TOOL_CHANGE;
     c->work_offset = move->work_offset;
+    c->spindle_override_off = move->spindle_override_off;
     turn_spindle(c, move->spindle_rpm);
     if (c->drive.mode != SIM_FOLLOW)
         return;
@@ -316,7 +317,8 @@ static void begin_move(SimController *c, GArray *actions)
 static void turn_spindle(SimController *c, double rpm)
 {
     c->programmed_rpm = rpm;
-    sim_spindle_turn(&c->spindle, nc_override_rpm(c->options.machine, c->override, rpm), c->time_s);
+    const NcOverride override = c->spindle_override_off ? NC_NO_OVERRIDE : c->override;
+    sim_spindle_turn(&c->spindle, nc_override_rpm(c->options.machine, override, rpm), c->time_s);
 }
 
 /* The plan gives a change of speed the time from one programmed speed to the other. After an

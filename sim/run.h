@@ -52,8 +52,9 @@ struct SimController {
     SimDrive drive;   /* program NULL: between two sections */
     SimSpindle spindle;
     double programmed_rpm;
-    double time_s;   /* the program's clock */
-    double budget_s; /* granted by the clock passed in, not yet used */
+    bool spindle_override_off; /* M49, M51 P0 */
+    double time_s;             /* the program's clock */
+    double budget_s;           /* granted by the clock passed in, not yet used */
     double block_start_s;
 
     SimStop stop;

@@ -361,8 +361,8 @@ static void time_of_program(void)
         g_autoptr(GArray) moves = nc_read_program(text, length, c->machine, c->tools, &error);
         g_assert_no_error(error);
         if (moves && moves->len > 0) {
-            g_autoptr(NcMotion) motion = nc_motion_new(
-                c->machine, NC_NO_OVERRIDE, 0, (NcMove *)(void *)moves->data, moves->len);
+            g_autoptr(NcMotion) motion = nc_motion_new(c->machine, NC_NO_OVERRIDE, 0,
+                                                       (NcMove *)(void *)moves->data, moves->len);
             double s = nc_motion_total_s(motion);
             g_test_message("program %g s, plan %g s", s, plan->estimated_s);
             test_near(plan->estimated_s, s, 2, 0.02);
