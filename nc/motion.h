@@ -126,7 +126,7 @@ double nc_phase_time_s(const NcPhase *phase, double s_mm);
 GArray *nc_motion_brake(const NcMotion *motion, NcAlong from, double v_to);
 
 /* From a place on the plan, or below it, to a = 0; of no duration where jerk is not limited. False
- * where the speed would turn before, or the run end. */
+ * where the speed would turn before, or be above the plan's or the run at its end meanwhile. */
 bool nc_motion_level(const NcMotion *motion, NcAlong from, NcPhase *phase);
 
 /*

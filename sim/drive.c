@@ -204,6 +204,17 @@ void sim_drive_replan(SimDrive *d, double time_s)
     sim_plan_unref(old);
 }
 
+/* The plan's time at which a detour to the end of `stop_move` leaves it: not while it stands there
+ * for moves before. */
+static double leaves_s(const SimDrive *d, double at_mm)
+{
+    const NcMotion *motion = d->plan->motion;
+    size_t move = d->stop_move;
+    while (move > d->move && nc_motion_end_mm(motion, move - 1) > at_mm + SAME_MM)
+        move--;
+    return fmax(nc_motion_time_s(motion, at_mm), nc_motion_start_s(motion, move));
+}
+
 bool sim_drive_prepare_stop(SimDrive *d, size_t move, double time_s)
 {
     const NcMotion *motion = d->plan->motion;
@@ -212,8 +223,10 @@ bool sim_drive_prepare_stop(SimDrive *d, size_t move, double time_s)
     d->detour = detour;
     d->stop_move = move;
     d->prepared = true;
-    if (detour->len > 0)
-        d->prepared = detour_begins_s(d) + d->offset_s >= time_s;
+    if (detour->len > 0) {
+        d->leaves_s = leaves_s(d, g_array_index(detour, NcPhase, 0).from.s_mm);
+        d->prepared = d->leaves_s + d->offset_s >= time_s;
+    }
     return d->prepared;
 }
 
@@ -317,7 +330,7 @@ unsigned sim_drive_happen(SimDrive *d, double time_s)
 {
     if (d->mode == SIM_DETOUR)
         return finish_phase(d, time_s);
-    if (detour_begins_s(d) + d->offset_s > time_s)
+    if (start_s(d, d->move + 1) <= detour_begins_s(d))
         return finish_move(d, time_s);
     GArray *detour = g_array_ref(d->detour);
     set_law(d, d->plan, 0);
@@ -329,9 +342,7 @@ unsigned sim_drive_happen(SimDrive *d, double time_s)
 /* The plan's time at which a prepared detour leaves it. */
 static double detour_begins_s(const SimDrive *d)
 {
-    if (!d->prepared || d->detour->len == 0)
-        return INFINITY;
-    return nc_motion_time_s(d->plan->motion, g_array_index(d->detour, NcPhase, 0).from.s_mm);
+    return d->prepared && d->detour->len > 0 ? d->leaves_s : INFINITY;
 }
 
 /* The move is over; the next one's time begins. */

@@ -40,6 +40,7 @@ typedef struct {
 
     bool prepared; /* FOLLOW until `detour` begins; or, empty, to the end of stop_move */
     size_t stop_move;
+    double leaves_s; /* when on the plan's clock `detour` begins */
 } SimDrive;
 
 /* What has happened, any of: */

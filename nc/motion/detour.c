@@ -337,8 +337,12 @@ bool nc_motion_level(const NcMotion *motion, NcAlong from, NcPhase *phase)
         NcAlong end = nc_phase_at(phase, phase->duration_s);
         if (end.v_mm_s < 0.0)
             return false;
-        if (end.s_mm <= motion->stretches[k + 1].s)
+        const NcStretch *next = &motion->stretches[k + 1];
+        if (end.s_mm <= next->s)
             return true;
+        NcAlong border = nc_phase_at(phase, nc_phase_time_s(phase, next->s));
+        if (border.v_mm_s > next->v * (1.0 + SAME_SPEED) || fabs(border.a_mm_s2) > next->rate.a)
+            return false;
     }
     return from.v_mm_s == 0.0;
 }

@@ -298,8 +298,10 @@ static void finish_run(Maker *m, size_t end)
     if (m->run.n_legs > 0) {
         drive_run(m);
         m->at_mm += m->run.length;
+        set_starts(m, stretch > 0 ? stretch - 1 : 0, end);
     }
-    set_starts(m, stretch > 0 ? stretch - 1 : 0, end);
+    for (size_t i = m->first; i < end && m->run.n_legs == 0; i++)
+        m->motion->start_s[i] = m->now_s;
     m->first = end;
     m->run.n_legs = 0;
     m->run.length = 0.0;

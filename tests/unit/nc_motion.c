@@ -92,6 +92,17 @@ static void standing(void)
     check_duration("G1 X10 F3000\nM8\nX20\nM2", 2.0 * rest_to_rest(10.0, 50.0, 500.0));
 }
 
+/* A move of no length behind one that stands has none of its time. */
+static void standing_and_no_length(void)
+{
+    CfgMachine machine = gcode_machine();
+    Run r = run("S3000 M3\nG1 F100\nX0\nG4 P1\nM2", &machine);
+    g_assert_cmpint(r.moves->len, >, 2);
+    test_near(nc_motion_duration_s(r.motion, 0), 3.0, 1e-12, 0);
+    test_near(nc_motion_duration_s(r.motion, 1), 0.0, 1e-12, 0);
+    run_clear(&r);
+}
+
 /* Stops at every corner, and the exact stop also where there is none. */
 static void exact(void)
 {
@@ -445,6 +456,7 @@ static void add(void)
     g_test_add_func("/nc/motion/single-moves", single_moves);
     g_test_add_func("/nc/motion/slow-axis", slow_axis);
     g_test_add_func("/nc/motion/standing", standing);
+    g_test_add_func("/nc/motion/standing-and-no-length", standing_and_no_length);
     g_test_add_func("/nc/motion/exact", exact);
     g_test_add_func("/nc/motion/pieces", pieces);
     g_test_add_func("/nc/motion/corner", corner);

@@ -170,6 +170,29 @@ static void at_gate(void)
 }
 
 /* Where the plan rests by itself the hold needs no ramp and is in time to the last moment. */
+/* The ramp to the gate begins behind a dwell: not before that is over. */
+static void at_gate_behind_a_dwell(void)
+{
+    const char *text = "G21 G90 G64 P0.01 F3000\nG53 G1 X10\nG4 P0.5\nM3 S1000\nG53 G1 X10.5\n"
+                       "G53 G1 X40\nM30\n";
+    const uint64_t gates[] = {after_line(text, 5), strlen(text)};
+    Rig rig;
+    rig_start(&rig, 1, text, gates, G_N_ELEMENTS(gates));
+    rig_tick(&rig, 10000);
+    rig_do(&rig, SIM_HOLD_AT_GATE);
+    while (rig_see(&rig).position_mm[0] < 10 && rig.now_us < 10 * SECOND)
+        rig_tick(&rig, 1000);
+    const int64_t there_us = rig.now_us;
+    while (rig_see(&rig).position_mm[0] <= 10 && rig.now_us < 10 * SECOND)
+        rig_tick(&rig, 1000);
+    test_near((double)(rig.now_us - there_us) * 1e-6, 0.7, 0.005, 0); /* 0.5 s and 1000 rev/min */
+    rig_run(&rig, 1000, 10);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_HELD);
+    test_near(rig_see(&rig).position_mm[0], 10.5, 1e-9, 0);
+    g_assert_cmpuint(rig_blocks(&rig), ==, 4);
+    rig_clear(&rig);
+}
+
 static void at_gate_at_rest(void)
 {
     const char *text = "G21 G90 F3000\nG53 G1 X10\nG4 P1\nG53 G1 X20\nM30\n";
@@ -431,6 +454,7 @@ static void add(void)
     g_test_add_func("/sim/hold/dwell", in_dwell);
     g_test_add_func("/sim/hold/tool-change", in_tool_change);
     g_test_add_func("/sim/hold/gate", at_gate);
+    g_test_add_func("/sim/hold/gate-behind-a-dwell", at_gate_behind_a_dwell);
     g_test_add_func("/sim/hold/gate-at-rest", at_gate_at_rest);
     g_test_add_func("/sim/hold/gate-while-resuming", at_gate_while_resuming);
     g_test_add_func("/sim/hold/program-stop", stops_of_the_program);
