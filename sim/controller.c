@@ -179,7 +179,7 @@ FbState sim_controller_state(const SimController *c)
 FbProgress sim_controller_progress(const SimController *c)
 {
     const SimDrive *drive = &c->drive;
-    const SegVec3 at = sim_run_position_mm(c);
+    const SegVec3 at = sim_run_place(c).mm;
     const bool on_move = c->in_run && drive->program && drive->move < drive->program->n;
     const double rpm = sim_spindle_rpm(&c->spindle, c->time_s);
     return (FbProgress){
@@ -214,7 +214,7 @@ SimController *sim_controller_new(const SimControllerOptions *options)
     c->options = *options;
     c->state = FB_STATE_OFF;
     const double *at = options->machine->tool_change_mm;
-    c->position_mm = seg_vec3(at[0], at[1], at[2]);
+    c->place.mm = seg_vec3(at[0], at[1], at[2]);
     c->work_offset = RESET_WORK_OFFSET;
     c->override = NC_NO_OVERRIDE;
     c->wake = SIM_NEVER;

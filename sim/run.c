@@ -3,10 +3,8 @@
 
 #include <math.h>
 
-#include "sim/approach.h"
-
-/* The machine stands where the program begins, but for rounding. */
-#define SAME_PLACE_MM 1e-9
+/* The machine stands where the program begins, but for rounding; mm or degrees. */
+#define SAME_PLACE 1e-9
 
 static bool woken(SimController *c, GArray *actions);
 static void happen(SimController *c, GArray *actions);
@@ -165,11 +163,16 @@ static void pass_gates(SimController *c)
 
 /* --------------------------------------------------------------------------- sections */
 
+static bool same_place(SimPlace a, SimPlace b)
+{
+    return seg_distance(a.mm, b.mm) <= SAME_PLACE && seg_distance(a.deg, b.deg) <= SAME_PLACE;
+}
+
 void sim_run_start(SimController *c, size_t gate, GArray *actions)
 {
     const CfgMachine *machine = c->options.machine;
     const double *home = machine->tool_change_mm;
-    SimSituation to = {.position_mm = {home[0], home[1], home[2]}, .work_offset = c->work_offset};
+    SimSituation to = {.place = {.mm = {home[0], home[1], home[2]}}, .work_offset = c->work_offset};
     c->in_run = true;
     c->totals.started++;
     c->time_s = c->block_start_s = 0;
@@ -182,9 +185,8 @@ void sim_run_start(SimController *c, size_t gate, GArray *actions)
         show_override(c, actions);
     if (gate > 0)
         to = sim_situation_at_gate(c->program, gate);
-    if (gate > 0 || seg_distance(c->position_mm, to.position_mm) > SAME_PLACE_MM) {
-        g_autoptr(SimProgram) way =
-            sim_approach_new(machine, c->position_mm, c->tool, to, c->override);
+    if (gate > 0 || !same_place(c->place, to.place)) {
+        g_autoptr(SimProgram) way = sim_approach_new(machine, c->place, c->tool, to, c->override);
         c->approaching = true;
         sim_drive_enter(&c->drive, way, 0);
     } else if (c->program) {
@@ -221,7 +223,7 @@ static bool find_section(SimController *c, GArray *actions)
     while (!c->drive.program || c->drive.move >= c->drive.program->n) {
         const bool was_program = !c->approaching && c->drive.program;
         if (c->drive.program) {
-            c->position_mm = sim_run_position_mm(c);
+            c->place = sim_run_place(c);
             c->last_line = was_program ? c->drive.program->last_line : c->last_line;
             c->approaching = false;
             sim_drive_leave(&c->drive);
@@ -476,7 +478,7 @@ static void note_broken(const SimController *c)
 /* What drips was for one run. */
 static void end_run(SimController *c)
 {
-    c->position_mm = sim_run_position_mm(c);
+    c->place = sim_run_place(c);
     c->stop_line = next_line(c);
     note_broken(c);
     c->totals.machine_s += c->time_s;
@@ -502,15 +504,18 @@ static uint32_t next_line(const SimController *c)
     return c->last_line + 1;
 }
 
-SegVec3 sim_run_position_mm(const SimController *c)
+SimPlace sim_run_place(const SimController *c)
 {
     const SimProgram *section = c->in_run ? c->drive.program : NULL;
     if (!section || section->n == 0)
-        return c->position_mm;
-    if (c->drive.move >= section->n)
-        return section->moves[section->n - 1].to;
+        return c->place;
+    if (c->drive.move >= section->n) {
+        const NcMove *last = &section->moves[section->n - 1];
+        return (SimPlace){last->to, {last->to_deg[0], last->to_deg[1], last->to_deg[2]}};
+    }
     const NcPoint point = sim_drive_point(&c->drive, c->time_s);
-    return seg_vec3(point.position[0], point.position[1], point.position[2]);
+    const double *p = point.position;
+    return (SimPlace){{p[0], p[1], p[2]}, {p[3], p[4], p[5]}};
 }
 
 double sim_run_speed_mm_s(const SimController *c)

@@ -9,6 +9,7 @@
 
 #include <math.h>
 
+#include "sim/approach.h"
 #include "sim/controller.h"
 #include "sim/drive.h"
 #include "sim/spindle.h"
@@ -33,7 +34,7 @@ struct SimController {
     FbState state;
     int64_t now_us;
     uint64_t executed_blocks;
-    SegVec3 position_mm; /* outside the sections */
+    SimPlace place; /* outside the sections */
     int tool;
     int work_offset; /* in force, 54 to 59 */
     bool optional_stop;
@@ -97,7 +98,7 @@ void sim_run_feed(SimController *c, GArray *actions);
 
 /* Microseconds of waiting for passes, so far in this run. */
 int64_t sim_run_starved_us(const SimController *c);
-SegVec3 sim_run_position_mm(const SimController *c);
+SimPlace sim_run_place(const SimController *c);
 
 /* Of the tool; not at the end of a section. */
 double sim_run_speed_mm_s(const SimController *c);
