@@ -35,7 +35,8 @@ const AgentCommand agent_verify = {
 };
 
 static GArray *read_moves(const char *path, const AgentJob *job, char **sha256, GError **error);
-static NcVerdict *judge(AgentJob *job, const GArray *moves, double *seconds, GError **error);
+static NcVerdict *judge(AgentJob *job, const char *path, const GArray *moves, double *seconds,
+                        GError **error);
 static bool write_results(AgentJob *job, const NcVerdict *verdict, const char *sha256,
                           const char *folder, GError **error);
 static void describe(const AgentJob *job, const NcVerdict *verdict, const char *sha256,
@@ -51,7 +52,8 @@ static bool run(const AgentOptions *options, AgentJson *result, GError **error)
     g_autofree char *sha256 = NULL;
     g_autoptr(GArray) moves = read_moves(options->argument, job, &sha256, error);
     double seconds = 0;
-    g_autoptr(NcVerdict) verdict = moves ? judge(job, moves, &seconds, error) : NULL;
+    g_autoptr(NcVerdict) verdict =
+        moves ? judge(job, options->argument, moves, &seconds, error) : NULL;
     if (!verdict || !write_results(job, verdict, sha256, options->out, error))
         return false;
     describe(job, verdict, sha256, seconds, result);
@@ -79,7 +81,8 @@ static void show_share(double done, void *what)
     agent_progress_share(what, done);
 }
 
-static NcVerdict *judge(AgentJob *job, const GArray *moves, double *seconds, GError **error)
+static NcVerdict *judge(AgentJob *job, const char *path, const GArray *moves, double *seconds,
+                        GError **error)
 {
     static char verifying[] = "verifying";
     NcPlanInput input = {.part = job->part,
@@ -91,11 +94,18 @@ static NcVerdict *judge(AgentJob *job, const GArray *moves, double *seconds, GEr
                          .progress_data = verifying};
     agent_progress_step(verifying);
     int64_t start_us = g_get_monotonic_time();
+    g_autoptr(GError) cause = NULL;
     NcVerdict *verdict =
-        nc_verify(&input, (const NcMove *)(const void *)moves->data, moves->len, error);
+        nc_verify(&input, (const NcMove *)(const void *)moves->data, moves->len, &cause);
     agent_progress_end();
     *seconds = (double)(g_get_monotonic_time() - start_us) * 1e-6;
-    return verdict;
+    if (verdict)
+        return verdict;
+    /* Stock that cannot be read is bad input, as a part is; status 1 is a verdict. */
+    bool of_program = g_error_matches(cause, NC_ERROR, NC_ERROR_PROGRAM);
+    g_set_error(error, AGENT_ERROR, AGENT_ERROR_INPUT, "%s%s%s", of_program ? path : "",
+                of_program ? ": " : "", cause->message);
+    return NULL;
 }
 
 static bool write_results(AgentJob *job, const NcVerdict *verdict, const char *sha256,

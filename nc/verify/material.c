@@ -25,6 +25,11 @@ NcStock *nc_material_new(const NcPlanInput *input, const NcSetup *setup, double 
             high[d] = fmax(high[d], coordinate(p, d));
         }
     }
+    bool sized = recipe->stock_kind == CFG_STOCK_BOX || recipe->stock_kind == CFG_STOCK_CYLINDER;
+    for (int d = 0; d < 3 && sized; d++) {
+        low[d] = fmin(low[d], recipe->stock_min_mm[d]);
+        high[d] = fmax(high[d], recipe->stock_max_mm[d]);
+    }
     double area = 0;
     for (int d = 0; d < 3; d++) {
         int u = (d + 1) % 3, v = (d + 2) % 3;

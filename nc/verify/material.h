@@ -5,8 +5,9 @@
 
 #include "nc/nc.h"
 
-/* The recipe's stock at the finest pitch, 0.1 mm or wider, for which a model about the part's size
- * needs 512 MB; `pitch_mm` says which. Errors: as nc_stock_from_recipe. */
+/* The recipe's stock at the finest pitch, 0.1 mm or wider, for which a model of the part's size, or
+ * of the larger box that the recipe names, needs about 512 MB; `pitch_mm` says which. Errors: as
+ * nc_stock_from_recipe. */
 NcStock *nc_material_new(const NcPlanInput *input, const NcSetup *setup, double *pitch_mm,
                          GError **error);
 

@@ -100,6 +100,13 @@ ok "no program" fails 3 "nowhere.ngc" \
 printf 'G21 G90\nG0 X1\nG7 X3\n' >"$dir/bad.ngc"
 ok "a program that is wrong" fails 3 'bad.ngc.*3.*G7' \
     "$segmill" verify "$dir/bad.ngc" --recipe "$recipe" -o "$dir/x"
+ok "stock that is not there" fails 3 "gone.stl" "$segmill" verify "$program" --recipe "$recipe" \
+    --set stock.kind=file --set "stock.file=$dir/gone.stl" -o "$dir/x"
+cp config/etc/tools.ini "$dir"
+sed '/^\[axis.a\]/,/^\[axis.b\]/s/^#present = false/present = true/' config/etc/machine.ini >"$dir/machine.ini"
+printf 'G21 G90 G94\nT15 M6\nS6000 M3\nG1 X1 A5 F100\nM30\n' >"$dir/turned.ngc"
+ok "a rotary axis away from zero" fails 3 'turned.ngc: line 4: .* rotary axis A at 5 degrees' \
+    "$segmill" verify "$dir/turned.ngc" --recipe "$recipe" --set "machine.file=$dir/machine.ini" -o "$dir/x"
 ok "no results of bad input" test ! -e "$dir/x"
 
 finish

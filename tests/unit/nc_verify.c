@@ -382,6 +382,31 @@ static void mesh(void)
     plan_case_free(c);
 }
 
+/* A cubic metre around a small part: a wider pitch, not an error that nobody could act on. */
+static void large_box(void)
+{
+    char *set[] = {(char *)"segmentation.method=none",
+                   (char *)"tools.use=15",
+                   (char *)"setup.zero=part",
+                   (char *)"stock.kind=box",
+                   (char *)"stock.min_mm=-500,-500,-999",
+                   (char *)"stock.max_mm=500,500,1",
+                   NULL};
+    SegPart *part = plane();
+    part->chord_mm = 0;
+    g_autoptr(GError) error = NULL;
+    PlanCase *c = plan_case_new(part, set, &error);
+    g_assert_no_error(error);
+    g_autoptr(NcVerdict) verdict = c ? judge(c, program_new()) : NULL;
+    if (verdict) {
+        g_assert_cmpfloat(verdict->collision_pitch_mm, >, 0.3);
+        test_near(verdict->whole.excess_max.depth_mm, 1, verdict->collision_pitch_mm, 0);
+    } else {
+        g_test_fail_printf("no verdict");
+    }
+    plan_case_free(c);
+}
+
 static void threads(void)
 {
     PlanCase *c = case_of(plane(), "0");
@@ -428,6 +453,7 @@ static void add(void)
     g_test_add_func("/nc/verify/rapid-through-stock", rapid_through_stock);
     g_test_add_func("/nc/verify/stock-to-leave", leave);
     g_test_add_func("/nc/verify/mesh", mesh);
+    g_test_add_func("/nc/verify/large-box", large_box);
     g_test_add_func("/nc/verify/threads", threads);
 }
 
