@@ -119,8 +119,9 @@ const char *nc_interpreter_message(const NcInterpreter *interpreter, const NcMov
 bool nc_interpreter_block(NcInterpreter *interpreter, const char *text, size_t length,
                           GArray *moves, GError **error);
 
-/* Whether a move stays within the machine's travel and spindle speeds; if not, NC_ERROR_LIMIT with
- * line, axis, value and limit. The interpreter itself does not ask. */
+/* Whether a move stays within the machine's travel and spindle speeds, and M19's Q leaves it the
+ * time that it takes; if not, NC_ERROR_LIMIT with line, axis or word, value and limit. The
+ * interpreter itself does not ask. */
 bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError **error);
 
 /* A whole program, checked against the machine's limits too; result is a GArray of NcMove. It ends

@@ -18,6 +18,20 @@ static bool check_spindle(const CfgMachine *machine, const NcMove *move, GError 
     return false;
 }
 
+/* M19 Q: longer than that is an error of the machine. */
+static bool check_orient(const CfgMachine *machine, const NcMove *move, GError **error)
+{
+    const double wait_s = move->orient.wait_s;
+    if (!(wait_s > 0.0) || machine->orient_s <= wait_s)
+        return true;
+    g_set_error(error, NC_ERROR, NC_ERROR_LIMIT,
+                "line %u: Q%.10g: M19 takes %.10g s on %s (orient_s), longer than the program "
+                "waits; change the Q word",
+                nc_move_block_line(move), wait_s, machine->orient_s,
+                machine->name ? machine->name : "the machine");
+    return false;
+}
+
 static bool beyond(const NcMove *move, char axis, double value, double limit, const char *unit,
                    GError **error)
 {
@@ -51,6 +65,8 @@ static bool check_rotary(const CfgMachine *machine, const NcMove *move, GError *
 bool nc_move_check_limits(const CfgMachine *machine, const NcMove *move, GError **error)
 {
     if (move->kind == NC_MOVE_SPINDLE && !check_spindle(machine, move, error))
+        return false;
+    if (move->kind == NC_MOVE_ORIENT && !check_orient(machine, move, error))
         return false;
     if (!nc_move_travels(move))
         return true;

@@ -162,7 +162,8 @@ static void rotary_axes(void)
 
 static void assert_limit(const char *program, const char *message)
 {
-    const CfgMachine machine = new_machine();
+    CfgMachine machine = new_machine();
+    machine.orient_s = 2.0;
     g_autoptr(GError) error = NULL;
     g_autoptr(GArray) moves =
         nc_read_program(program, strlen(program), &machine, gcode_tools(), &error);
@@ -184,6 +185,7 @@ static void limits(void)
                  "line 2: X would go to 1200.0000 mm");
     assert_limit("o2 repeat [2]\n#2=[#2+30000]\nM3 S#2\no2 endrepeat\nM2",
                  "line 3: the spindle cannot turn at 60000");
+    assert_limit("M3 S100\nM19 R10 Q2\nM19 Q1.5\nM2", "line 3: Q1.5: M19 takes 2 s");
 }
 
 /* ------------------------------------------------------------------- the spindle */
