@@ -169,6 +169,7 @@ static void take(Maker *m, size_t i)
         stand(m, i);
         return;
     }
+    m->spindle_rpm = spindle_rpm(m, move); /* G96: it turns faster, or slower, on the way */
     if (!(length > 0.0)) {
         motion->end_mm[i] = m->at_mm + m->run.length;
         return;

@@ -92,6 +92,16 @@ static void standing(void)
     check_duration("G1 X10 F3000\nM8\nX20\nM2", 2.0 * rest_to_rest(10.0, 50.0, 500.0));
 }
 
+/* With G96 the spindle changes its speed on the way: what stands behind that has nothing to wait
+ * for, and M5 brakes from there. */
+static void surface_speed(void)
+{
+    const double rpm = 60e3 / (2.0 * G_PI * 20.0), on_way = rest_to_rest(10.0, 50.0, 500.0);
+    check_duration("G0 X20\nG96 S60 D2500 M3\nG1 X10 F3000\nG4 P1\nM8\nM5\nM2",
+                   rest_to_rest(20.0, 100.0, 500.0) + rpm / 1000.0 + on_way + 1.0 +
+                       2.0 * rpm / 1000.0);
+}
+
 /* A move of no length behind one that stands has none of its time. */
 static void standing_and_no_length(void)
 {
@@ -456,6 +466,7 @@ static void add(void)
     g_test_add_func("/nc/motion/single-moves", single_moves);
     g_test_add_func("/nc/motion/slow-axis", slow_axis);
     g_test_add_func("/nc/motion/standing", standing);
+    g_test_add_func("/nc/motion/surface-speed", surface_speed);
     g_test_add_func("/nc/motion/standing-and-no-length", standing_and_no_length);
     g_test_add_func("/nc/motion/exact", exact);
     g_test_add_func("/nc/motion/pieces", pieces);
