@@ -77,9 +77,11 @@ typedef struct {
     NcMoveKind kind;     /* of its last action */
     double start_s, end_s;
     SegVec3 position_mm;
-    double feed_mm_min; /* programmed; 0 where nothing is fed */
-    int tool;           /* in the spindle at its end */
-    double spindle_rpm; /* reached at its end */
+    bool turns;             /* the machine has an axis A, B or C */
+    double position_deg[3]; /* of those */
+    double feed_mm_min;     /* programmed; 0 where nothing is fed */
+    int tool;               /* in the spindle at its end */
+    double spindle_rpm;     /* reached at its end */
 } SimBlock;
 
 typedef struct {

@@ -36,6 +36,11 @@ SimLog *sim_log_open(const char *path, GError **error)
     return log;
 }
 
+static void free_held(void *held)
+{
+    g_string_free(held, TRUE);
+}
+
 bool sim_log_close(SimLog *log, GError **error)
 {
     if (fclose(log->file) != 0 && log->error == 0)
@@ -44,6 +49,7 @@ bool sim_log_close(SimLog *log, GError **error)
     if (!good)
         g_set_error(error, G_FILE_ERROR, (int)g_file_error_from_errno(log->error),
                     "%s: the log is not complete: %s", log->path, g_strerror(log->error));
+    g_queue_clear_full(&log->held, free_held);
     g_string_free(log->line, TRUE);
     g_free(log->path);
     g_free(log);
@@ -177,18 +183,27 @@ void sim_log_material(SimLog *log, const char *text)
     write_now(log, log->line, true);
 }
 
+/* A position, of three axes. */
+static void append_axes(GString *line, const char *name, const double axes[3])
+{
+    for (int i = 0; i < 3; i++) {
+        g_string_append(line, i == 0 ? name : ",");
+        cfg_number_append(line, axes[i]);
+    }
+    g_string_append_c(line, ']');
+}
+
 /* From when to when, and where it ended. */
 static void append_course(GString *line, const SimBlock *block)
 {
-    const double numbers[] = {block->start_s, block->end_s, block->position_mm.x,
-                              block->position_mm.y, block->position_mm.z};
-    static const char *const before[] = {"\"start_s\":", ",\"end_s\":", ",\"position_mm\":[", ",",
-                                         ","};
-    for (size_t i = 0; i < G_N_ELEMENTS(numbers); i++) {
-        g_string_append(line, before[i]);
-        cfg_number_append(line, numbers[i]);
-    }
-    g_string_append_c(line, ']');
+    const double linear_mm[3] = {block->position_mm.x, block->position_mm.y, block->position_mm.z};
+    g_string_append(line, "\"start_s\":");
+    cfg_number_append(line, block->start_s);
+    g_string_append(line, ",\"end_s\":");
+    cfg_number_append(line, block->end_s);
+    append_axes(line, ",\"position_mm\":[", linear_mm);
+    if (block->turns)
+        append_axes(line, ",\"position_deg\":[", block->position_deg);
 }
 
 static const char *kind_name(NcMoveKind kind)

@@ -134,18 +134,22 @@ static void speak(const SimController *c, const NcMove *move, GArray *actions)
 
 static void finish_block(SimController *c, SimActionKind kind, const NcMove *last, GArray *actions)
 {
+    const CfgRotary *rotary = c->options.machine->rotary;
     bool fed = last->kind == NC_MOVE_FEED || last->kind == NC_MOVE_ARC;
-    SimAction done = {.kind = kind,
-                      .time_s = c->time_s,
-                      .block = {.line = last->line,
-                                .block_line = last->block_line ? last->block_line : last->line,
-                                .kind = last->kind,
-                                .start_s = c->block_start_s,
-                                .end_s = c->time_s,
-                                .position_mm = last->to,
-                                .feed_mm_min = fed ? last->feed_mm_min : 0,
-                                .tool = c->tool,
-                                .spindle_rpm = sim_spindle_rpm(&c->spindle, c->time_s)}};
+    SimAction done = {
+        .kind = kind,
+        .time_s = c->time_s,
+        .block = {.line = last->line,
+                  .block_line = last->block_line ? last->block_line : last->line,
+                  .kind = last->kind,
+                  .start_s = c->block_start_s,
+                  .end_s = c->time_s,
+                  .position_mm = last->to,
+                  .turns = rotary[0].present || rotary[1].present || rotary[2].present,
+                  .position_deg = {last->to_deg[0], last->to_deg[1], last->to_deg[2]},
+                  .feed_mm_min = fed ? last->feed_mm_min : 0,
+                  .tool = c->tool,
+                  .spindle_rpm = sim_spindle_rpm(&c->spindle, c->time_s)}};
     g_array_append_val(actions, done);
     c->block_start_s = c->time_s;
 }

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Running programs: states, blocks, times, positions; the same at every speed; refusals. */
+#include <glib/gstdio.h>
+
 #include "sim/log.h"
 #include "tests/unit/sim_rig.h"
 
@@ -74,12 +76,32 @@ static void analytic_time(void)
     rig_clear(&rig);
 }
 
+/* The log of what a rig did, read back. */
+static char *log_of(const Rig *rig, const char *folder)
+{
+    g_autofree char *path = g_build_filename(folder, "log", NULL);
+    g_autoptr(GError) error = NULL;
+    SimLog *log = sim_log_open(path, &error);
+    g_assert_no_error(error);
+    for (guint i = 0; log && i < rig->actions->len; i++) {
+        const SimAction *action = &g_array_index(rig->actions, SimAction, i);
+        if (action->kind == SIM_STATE)
+            sim_log_state(log, action->state, action->time_s);
+        else if (action->kind == SIM_BLOCK)
+            sim_log_block(log, &action->block);
+    }
+    if (log)
+        sim_log_close(log, &error);
+    char *text = NULL;
+    g_file_get_contents(path, &text, NULL, &error);
+    g_assert_no_error(error);
+    return text;
+}
+
 static char *logged_run(const char *folder, double speed, int64_t tick_us, int64_t wait_us)
 {
     Rig rig;
     rig_init(&rig, speed, 3);
-    g_autofree char *path = g_build_filename(folder, "log", NULL);
-    g_autoptr(GError) error = NULL;
     rig_load(&rig,
              "G21 G90 G94 G64 P0.05\nT2 M6\nS3000 M3\nG53 G0 X1 Y1\nF1234.5\n"
              "G53 G1 X10.1\nG53 G1 Y7.3 X11\nG53 G1 Y7.3 X11\nG53 G1 X30\nM0\n"
@@ -94,22 +116,38 @@ static char *logged_run(const char *folder, double speed, int64_t tick_us, int64
     rig_do(&rig, SIM_RESUME);
     rig_run(&rig, tick_us, 60);
     g_assert_cmpint(rig_state(&rig), ==, FB_STATE_COMPLETE);
-    SimLog *log = sim_log_open(path, &error);
-    g_assert_no_error(error);
-    for (guint i = 0; log && i < rig.actions->len; i++) {
-        const SimAction *action = &g_array_index(rig.actions, SimAction, i);
-        if (action->kind == SIM_STATE)
-            sim_log_state(log, action->state, action->time_s);
-        else if (action->kind == SIM_BLOCK)
-            sim_log_block(log, &action->block);
-    }
-    if (log)
-        sim_log_close(log, &error);
-    char *text = NULL;
-    g_file_get_contents(path, &text, NULL, &error);
-    g_assert_no_error(error);
+    char *text = log_of(&rig, folder);
     rig_clear(&rig);
     return text;
+}
+
+/* A machine that has A, B or C says where they are; one that has none does not. */
+static void log_of_rotary(void)
+{
+    g_autofree char *folder = g_dir_make_tmp("segmill-sim-XXXXXX", NULL);
+    static const struct {
+        const char *text, *logged, *unlogged;
+    } cases[] = {
+        {"G21 G90 G53 G1 X10 F3000\nM2\n", "\"position_mm\":[10,0,0],\"feed", "position_deg"},
+        {"G21 G90 G53 G1 X10 B-30.5 F3000\nM2\n",
+         "\"position_mm\":[10,0,0],\"position_deg\":[0,-30.5,0],\"feed", "]]"},
+    };
+    for (int turns = 0; folder && turns < 2; turns++) {
+        Rig rig;
+        rig_init(&rig, 1, 3);
+        if (turns)
+            rig.machine.rotary[1] = (CfgRotary){true, -360, 360, 3600, 1000, 0};
+        rig_load(&rig, cases[turns].text, NULL, 0);
+        rig_do(&rig, SIM_START);
+        rig_run(&rig, 100000, 60);
+        g_autofree char *text = log_of(&rig, folder);
+        g_assert_nonnull(strstr(text ? text : "", cases[turns].logged));
+        g_assert_null(strstr(text ? text : "", cases[turns].unlogged));
+        rig_clear(&rig);
+    }
+    g_autofree char *path = folder ? g_build_filename(folder, "log", NULL) : NULL;
+    g_assert_cmpint(path ? g_remove(path) : -1, ==, 0);
+    g_assert_cmpint(folder ? g_rmdir(folder) : -1, ==, 0);
 }
 
 /* Said when the block comes, each time; the pass that they came with need not be there any more. */
@@ -362,6 +400,7 @@ static void add(void)
     g_test_add_func("/sim/controller/run", run);
     g_test_add_func("/sim/controller/analytic-time", analytic_time);
     g_test_add_func("/sim/controller/same-at-every-speed", same_at_every_speed);
+    g_test_add_func("/sim/controller/log-of-rotary", log_of_rotary);
     g_test_add_func("/sim/controller/messages", messages);
     g_test_add_func("/sim/controller/bounded-steps", bounded_steps);
     g_test_add_func("/sim/controller/second-start-returns", second_start_returns);
