@@ -94,6 +94,19 @@ int test_main_as_new_user(int argc, char **argv, void (*add)(void))
     return failed;
 }
 
+#if defined(__SANITIZE_ADDRESS__)
+#define SANITIZED true
+#elif defined(__has_feature)
+#define SANITIZED __has_feature(address_sanitizer)
+#else
+#define SANITIZED false
+#endif
+
+int test_trials(int wanted)
+{
+    return SANITIZED ? MAX(wanted / 4, 1) : wanted;
+}
+
 double test_any_double(GRand *random)
 {
     double value;

@@ -13,6 +13,10 @@ int test_main(int argc, char **argv, void (*add)(void));
  * its own. */
 int test_main_as_new_user(int argc, char **argv, void (*add)(void));
 
+/* How many of `wanted` trials to make: in a program with sanitizers, where each takes several times
+ * as long, a quarter, and at least one. */
+int test_trials(int wanted);
+
 /* Any finite double, each pattern of bits as likely. */
 double test_any_double(GRand *random);
 

@@ -274,7 +274,7 @@ static void judge(const CfgMachine *machine, const NcMotion *motion, const GArra
 static void judge_random(double jerk, bool rotary, NcOverride override)
 {
     CfgMachine machine = machine_with(jerk);
-    for (guint32 seed = 1; seed <= 4; seed++) {
+    for (guint32 seed = 1; seed <= (guint32)test_trials(4); seed++) {
         g_autoptr(GArray) moves = random_moves(seed, 400, rotary);
         g_autoptr(NcMotion) motion = nc_motion_new(
             &machine, override, 0, (const NcMove *)(const void *)moves->data, moves->len);

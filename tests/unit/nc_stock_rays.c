@@ -106,7 +106,7 @@ static int different_rays(const NcStock *a, const NcStock *b)
 static void test_naive(void)
 {
     g_autoptr(GRand) random = g_rand_new_with_seed(7);
-    for (int i = 0; i < 4; i++) {
+    for (int i = 0; i < test_trials(4); i++) {
         TestProgram program;
         random_program(random, &program);
         g_autoptr(NcStock) fast = cut(&program, NULL);
@@ -156,7 +156,7 @@ static bool is_well_formed(const NcStock *stock)
 static void test_nodes(void)
 {
     g_autoptr(GRand) random = g_rand_new_with_seed(3);
-    for (int i = 0; i < 10; i++) {
+    for (int i = 0; i < test_trials(10); i++) {
         TestProgram program;
         int differ = 0;
         random_program(random, &program);

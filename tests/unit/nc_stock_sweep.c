@@ -195,12 +195,12 @@ static void check_random_lines(int n, unsigned seed, bool fast)
 
 static void test_any_line(void)
 {
-    check_random_lines(6000, 1, false);
+    check_random_lines(test_trials(6000), 1, false);
 }
 
 static void test_axes(void)
 {
-    check_random_lines(6000, 2, true);
+    check_random_lines(test_trials(6000), 2, true);
 }
 
 /* A ball on a level move: the line across it, and the one down on it, have textbook ends. */
