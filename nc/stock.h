@@ -54,7 +54,7 @@ uint64_t nc_stock_memory_bytes(const NcStock *stock);
 typedef enum {
     NC_COLLISION_RAPID,   /* G0 through material */
     NC_COLLISION_HOLDER,  /* the holder in material */
-    NC_COLLISION_SHANK,   /* the shank, above the flutes, in material */
+    NC_COLLISION_SHANK,   /* the shank, above the flutes, in material or along it */
     NC_COLLISION_SPINDLE, /* cutting with the spindle off, or turning the wrong way */
 } NcCollisionKind;
 
@@ -64,8 +64,9 @@ typedef struct {
     NcCollisionKind kind;
     uint32_t line;    /* of the block */
     SegVec3 position; /* where it is deepest, workpiece coordinates */
-    double
-        depth_mm; /* how far it goes into the material, along X, Y or Z: the least of the three */
+    /* How far it goes into the material, along X, Y or Z: the least of the three. Of a shank that
+     * only rubs: how far it is below the top of what it touches, up to a pitch less. */
+    double depth_mm;
 } NcCollision;
 
 /*
@@ -73,7 +74,10 @@ typedef struct {
  * NULL) one a kind and line, by line. G0 to G3 with a tool in the spindle sweep; a tool is its
  * cutting part, its shank and its holder (shapes: docs/stock.md), and each removes what it meets,
  * so that an accident is reported where it happens and not again by what follows. A touch no deeper
- * than 0.001 mm is none.
+ * than 0.001 mm is none. But a tool is deeper than its flutes also in a hole or slot that it has
+ * made itself: a shank as thick as the cutting part or thinner is an NC_COLLISION_SHANK where it
+ * comes within 0.009 mm of material at its side, and takes nothing there; not on a move straight
+ * up.
  *
  * Where a surface crosses a ray it is found to 1e-9 mm square to it, and kept as a whole number of
  * 2^-29 of the stock's longest side or less (of 100 mm: 1e-7 mm). Arcs and helices are cut as

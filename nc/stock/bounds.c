@@ -57,7 +57,7 @@ void nc_lanes_load(NcLanes *lanes, const NcGroup *group, const bool meets[NC_N_P
     double reach = 0;
     for (int k = 0; k < NC_N_PARTS; k++)
         if (meets[k])
-            reach = fmax(reach, group->cutter->part[k].radius + group->cutter->part[k].top);
+            reach = fmax(reach, group->cutter->reach[k].radius + group->cutter->reach[k].top);
     lanes->margin = (float)(5e-7 * (extent + reach) + 1e-6);
     clear(lanes, group->n);
 }

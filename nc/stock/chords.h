@@ -16,9 +16,13 @@ enum { NC_GROUP = 64 };
 
 typedef enum { NC_PART_CUTTING, NC_PART_SHANK, NC_PART_HOLDER, NC_N_PARTS } NcPart;
 
+/* A shank within this of material rubs on it. */
+#define NC_RUB_MM 0.01
+
 typedef struct {
     const CfgTool *tool;
     NcBody part[NC_N_PARTS];
+    NcBody reach[NC_N_PARTS]; /* the same, the shank wider by NC_RUB_MM all around */
 } NcCutterParts;
 
 typedef struct {
@@ -26,8 +30,8 @@ typedef struct {
     uint32_t cut; /* index of the block's NcCut */
 } NcChord;
 
-/* Consecutive chords of one tool; each box is what a part sweeps, empty (min > max) where there is
- * no such part. */
+/* Consecutive chords of one tool; each box is what a part's reach sweeps, empty (min > max) where
+ * there is no such part. */
 typedef struct {
     const NcCutterParts *cutter;
     const NcChord *chords;

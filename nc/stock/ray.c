@@ -48,6 +48,24 @@ double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chor
     return length;
 }
 
+double nc_ray_measure(const NcRay *ray, const NcBody *body, const NcChord *chord, double *middle_mm)
+{
+    const NcDexelTile *tile = ray->tile;
+    double t[2], longest = 0;
+    SegVec3 normal[2];
+    if (!swept(ray, body, chord, INFINITY, t, normal))
+        return 0;
+    for (uint32_t i = tile->first[ray->ray]; i < tile->first[ray->ray + 1]; i += 2) {
+        double in = fmax(nc_dexel_mm(ray->stock, ray->axis, tile->ends[i].depth), t[0]);
+        double out = fmin(nc_dexel_mm(ray->stock, ray->axis, tile->ends[i + 1].depth), t[1]);
+        if (out - in > longest) {
+            longest = out - in;
+            *middle_mm = (in + out) / 2;
+        }
+    }
+    return longest;
+}
+
 /* The end of the material where the sweep's surface lies: its normal points into the sweep. */
 static void make_end(const NcRay *ray, const NcBody *body, const NcChord *chord, double t,
                      SegVec3 normal, bool lower, NcDexelEnd *end)

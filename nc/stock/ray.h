@@ -21,4 +21,8 @@ typedef struct {
 double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chord,
                        double *middle_mm);
 
+/* The same length and place, and takes nothing. */
+double nc_ray_measure(const NcRay *ray, const NcBody *body, const NcChord *chord,
+                      double *middle_mm);
+
 #endif

@@ -113,7 +113,7 @@ static uint64_t choose_chords(const Tile *tile)
     for (int k = 0; k < NC_N_PARTS; k++) {
         if (!tile->group->meets[k])
             continue;
-        nc_lanes_bounds(all, &tile->group->group->cutter->part[k], u, v, (float)tile->half, low,
+        nc_lanes_bounds(all, &tile->group->group->cutter->reach[k], u, v, (float)tile->half, low,
                         high);
         memset(overlap, 0, sizeof overlap);
         nc_lanes_overlap(all, low, high, (float)(tile->lowest - origin),
@@ -158,18 +158,16 @@ static void cut_freely(Tile *tile, float u, float v)
     }
 }
 
-static void meet(Tile *tile, uint32_t cut, int kind, double length_mm, double middle_mm)
+static void meet(Tile *tile, NcContact new)
 {
     GArray *contacts = tile->contacts;
-    SegVec3 p = nc_dexel_point(tile->ray.axis, tile->ray.origin, middle_mm);
-    NcContact new = {cut, kind, tile->ray.axis, length_mm, p};
     uint32_t first = tile->group->group->chords[0].cut;
     for (guint i = contacts->len; i > tile->others; i--) {
         NcContact *old = &g_array_index(contacts, NcContact, i - 1);
         if (old->cut < first)
             break;
-        if (old->cut == cut && old->kind == kind) {
-            if (length_mm > old->length_mm)
+        if (old->cut == new.cut && old->kind == new.kind && old->rubs == new.rubs) {
+            if (new.length_mm > old->length_mm)
                 *old = new;
             return;
         }
@@ -188,6 +186,34 @@ static void find_overlaps(const Tile *tile, const float *low, const float *high,
                          from_origin(tile, origin, &rays->ends[k + 1]), overlap);
 }
 
+/*
+ * A shank as thick as the cutter takes nothing out of the cutter's own hole or slot, and touches
+ * its walls: rays across them tell, and how far above the shank's lower end they run. A thicker
+ * one has taken what it met; one that is pulled straight out touches what it did before.
+ */
+static void rub(Tile *tile, const NcChord *chord)
+{
+    const NcCutterParts *cutter = tile->group->group->cutter;
+    double x = chord->b.x - chord->a.x, y = chord->b.y - chord->a.y, level2 = x * x + y * y;
+    if (tile->ray.axis == 2 ||
+        cutter->part[NC_PART_SHANK].radius > cutter->part[NC_PART_CUTTING].radius ||
+        (level2 == 0 && chord->b.z > chord->a.z))
+        return;
+    double middle;
+    const NcBody *shank = &cutter->reach[NC_PART_SHANK];
+    if (!(nc_ray_measure(&tile->ray, shank, chord, &middle) > NC_CONTACT_MM))
+        return;
+    SegVec3 p = nc_dexel_point(tile->ray.axis, tile->ray.origin, middle);
+    /* Straight down it ends at the bottom, else it comes past the place on its way. */
+    double s = level2 > 0 ? ((p.x - chord->a.x) * x + (p.y - chord->a.y) * y) / level2 : 1;
+    double tip = seg_lerp(chord->a, chord->b, CLAMP(s, 0, 1)).z;
+    meet(tile, (NcContact){.cut = chord->cut,
+                           .kind = NC_COLLISION_SHANK,
+                           .rubs = true,
+                           .length_mm = p.z - tip - shank->bottom,
+                           .position = p});
+}
+
 /* Chord by chord, and of each its parts from the tip up: what the cutting part has taken the shank
  * does not meet. */
 static void cut_in_order(Tile *tile, float u, float v)
@@ -196,7 +222,7 @@ static void cut_in_order(Tile *tile, float u, float v)
     float low[NC_N_PARTS][NC_GROUP], high[NC_N_PARTS][NC_GROUP], overlap[NC_N_PARTS][NC_GROUP];
     for (int k = 0; k < NC_N_PARTS; k++)
         if (tile->group->meets[k]) {
-            nc_lanes_bounds(&tile->lanes, &group->cutter->part[k], u, v, 0, low[k], high[k]);
+            nc_lanes_bounds(&tile->lanes, &group->cutter->reach[k], u, v, 0, low[k], high[k]);
             find_overlaps(tile, low[k], high[k], overlap[k]);
         }
     for (int i = 0; i < tile->lanes.n; i++)
@@ -210,6 +236,14 @@ static void cut_in_order(Tile *tile, float u, float v)
                        : k == NC_PART_SHANK ? (int)NC_COLLISION_SHANK
                                             : (int)NC_COLLISION_HOLDER;
             if (kind >= 0 && length > NC_CONTACT_MM)
-                meet(tile, chord->cut, kind, length, middle);
+                meet(tile, (NcContact){
+                               .cut = chord->cut,
+                               .kind = kind,
+                               .axis = tile->ray.axis,
+                               .length_mm = length,
+                               .position = nc_dexel_point(tile->ray.axis, tile->ray.origin, middle),
+                           });
+            if (k == NC_PART_SHANK)
+                rub(tile, chord);
         }
 }

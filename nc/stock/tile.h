@@ -12,7 +12,8 @@
  * through, for one block. */
 typedef struct {
     uint32_t cut;
-    int kind; /* NcCollisionKind */
+    int kind;  /* NcCollisionKind */
+    bool rubs; /* a shank that only touches: length_mm is how far it is below the ray, axis is 0 */
     int axis;
     double length_mm;
     SegVec3 position; /* the piece's middle */

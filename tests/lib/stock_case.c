@@ -50,6 +50,13 @@ static CfgTool tools[] = {
      .flute_length_mm = 20,
      .counterclockwise = true,
      COMMON},
+    {.number = 9, .kind = CFG_TOOL_FLAT, .diameter_mm = 6, .flute_length_mm = 3, COMMON},
+    {.number = 10,
+     .kind = CFG_TOOL_FLAT,
+     .diameter_mm = 6,
+     .flute_length_mm = 3,
+     .shank_diameter_mm = 5.97,
+     COMMON},
 };
 
 const CfgToolTable test_tools = {.tools = tools, .n_tools = G_N_ELEMENTS(tools)};

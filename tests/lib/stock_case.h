@@ -7,7 +7,8 @@
 
 /* Numbers 1 … 6: flat 6, ball 6, bull 10 with corner 1.5, drill 5 of 118°, chamfer 8 with tip 1 of
  * 90°, taper 6 with ball 1 of 10°. Flutes 20 (drill 25, chamfer 6), stickout 30, length 80, holder
- * 40. Number 7: a flat 6 with flutes 5 and a shank of 8. Number 8: number 1, left-hand. */
+ * 40. Number 7: a flat 6 with flutes 5 and a shank of 8. Number 8: number 1, left-hand. Number 9: a
+ * flat 6 with flutes 3; number 10: its neck is 5.97. */
 extern const CfgToolTable test_tools;
 
 /* The tool's profile from its drawing: radius at height z above the tip, -1 where there is none. */

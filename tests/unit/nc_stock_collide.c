@@ -129,6 +129,69 @@ static void test_too_deep(void)
     end(&c);
 }
 
+/* Rubbing is seen on the highest ray, up to a pitch below the top. */
+static void check_rub(const Case *c, guint i, uint32_t line, double depth_mm, SegVec3 min,
+                      SegVec3 max)
+{
+    if (i >= c->collisions->len)
+        return;
+    NcCollision *found = &g_array_index(c->collisions, NcCollision, i);
+    g_assert_true(found->depth_mm <= depth_mm && found->depth_mm > depth_mm - 0.3);
+    found->depth_mm = depth_mm;
+    check(c, i, NC_COLLISION_SHANK, line, depth_mm, min, max);
+}
+
+/* In its own hole a shank as thick as the cutter takes nothing: flutes of 3, straight down 4.9 and
+ * in pecks; and no deeper than its flutes; and a neck that is thinner by 0.03. */
+static void test_own_hole(void)
+{
+    Case c;
+    begin(&c, 9, seg_vec3(10, 10, 5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(10, 10, -4.9));
+    test_program_move(&c.program, NC_MOVE_RAPID, seg_vec3(10, 10, 5));
+    test_program_move(&c.program, NC_MOVE_RAPID, seg_vec3(30, 20, 5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(30, 20, -2.5));
+    test_program_move(&c.program, NC_MOVE_RAPID, seg_vec3(30, 20, 2));
+    test_program_move(&c.program, NC_MOVE_RAPID, seg_vec3(30, 20, -2.4));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(30, 20, -4.9));
+    test_program_move(&c.program, NC_MOVE_RAPID, seg_vec3(30, 20, 2));
+    run(&c, 2);
+    check_rub(&c, 0, 1, 1.9, seg_vec3(6.9, 6.9, -0.3), seg_vec3(13.1, 13.1, 0));
+    check_rub(&c, 1, 7, 1.9, seg_vec3(26.9, 16.9, -0.3), seg_vec3(33.1, 23.1, 0));
+    double left = nc_stock_volume_mm3(c.stock);
+    end(&c);
+    begin(&c, 1, seg_vec3(10, 10, 5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(10, 10, -4.9));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(10, 10, 5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(30, 20, 5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(30, 20, -4.9));
+    run(&c, 0);
+    test_near(nc_stock_volume_mm3(c.stock), left, 1e-6, 0);
+    end(&c);
+    begin(&c, 9, seg_vec3(10, 10, 5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(10, 10, -3));
+    run(&c, 0);
+    end(&c);
+    begin(&c, 10, seg_vec3(10, 10, 5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(10, 10, -4.9));
+    run(&c, 0);
+    end(&c);
+}
+
+/* A slot in layers: the second brings the shank below the walls that the first has made. */
+static void test_own_slot(void)
+{
+    Case c;
+    begin(&c, 9, seg_vec3(-10, 15, 5));
+    test_program_move(&c.program, NC_MOVE_RAPID, seg_vec3(-10, 15, -2.5));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(50, 15, -2.5));
+    test_program_move(&c.program, NC_MOVE_RAPID, seg_vec3(50, 15, -4.9));
+    test_program_move(&c.program, NC_MOVE_FEED, seg_vec3(-10, 15, -4.9));
+    run(&c, 1);
+    check_rub(&c, 0, 4, 1.9, seg_vec3(0, 11.9, -0.3), seg_vec3(40, 18.1, 0));
+    end(&c);
+}
+
 static void check_spindle(int tool, double spindle_rpm, guint expected)
 {
     Case c;
@@ -246,6 +309,8 @@ static void add(void)
     g_test_add_func("/nc/stock/collide/rapid", test_rapid);
     g_test_add_func("/nc/stock/collide/shank-and-holder", test_shank_and_holder);
     g_test_add_func("/nc/stock/collide/too-deep", test_too_deep);
+    g_test_add_func("/nc/stock/collide/own-hole", test_own_hole);
+    g_test_add_func("/nc/stock/collide/own-slot", test_own_slot);
     g_test_add_func("/nc/stock/collide/spindle", test_spindle);
     g_test_add_func("/nc/stock/collide/one-a-line", test_one_a_line);
     g_test_add_func("/nc/stock/collide/refused", test_refused);
