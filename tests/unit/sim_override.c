@@ -222,6 +222,43 @@ static void limits_are_kept(void)
     g_assert_cmpuint(stood, >, 5);
 }
 
+/* Turned down while the plan brakes into a rounded corner, and up again: where little jerk is
+ * allowed, levelling off takes so long that it may not reach past the corner. */
+static void turn_at_corners(GRand *rand)
+{
+    Rig rig;
+    rig_init(&rig, 1, 100000);
+    for (int axis = 0; axis < 3; axis++)
+        rig.machine.axis[axis].max_mm_s3 = 1000 * (1 + axis);
+    g_autoptr(GString) text = g_string_new("G21 G90 G94 G64 P0.02 F5000\n");
+    for (int i = 1; i <= 60; i++)
+        g_string_append_printf(text, "G53 G1 X%.3f Y%.3f\n",
+                               40 * (i % 2) + g_rand_double_range(rand, -2, 2), 5.0 * i);
+    g_string_append(text, "M30\n");
+    rig_load(&rig, text->str, NULL, 0);
+    rig_do(&rig, SIM_START);
+    Trace trace = {.n = 0};
+    int wrong = 0, n = 0;
+    while (rig_state(&rig) == FB_STATE_RUNNING && rig.now_us < 900 * SECOND) {
+        if (g_rand_int_range(rand, 0, 150) == 0)
+            rig_override(&rig, n++ % 2 ? 100 : 30, 100, 100);
+        rig_tick(&rig, 1000);
+        wrong += trace_excess(&trace, &rig.machine, rig_see(&rig).position_mm) > 0;
+    }
+    g_test_message("%d overrides, %d excesses", n, wrong);
+    g_assert_cmpint(n, >, 400);
+    g_assert_cmpint(wrong, ==, 0);
+    g_assert_cmpint(rig_state(&rig), ==, FB_STATE_COMPLETE);
+    rig_clear(&rig);
+}
+
+static void corners(void)
+{
+    g_autoptr(GRand) rand = g_rand_new_with_seed(1);
+    for (int trial = 0; trial < 6; trial++)
+        turn_at_corners(rand);
+}
+
 /* -------------------------------------------------------------------------- exactness */
 
 /* The ends of all blocks, with overrides at the same program times. */
@@ -376,6 +413,7 @@ static void add(void)
     g_test_add_func("/sim/override/nought", nought);
     g_test_add_func("/sim/override/spindle", spindle);
     g_test_add_func("/sim/override/limits", limits_are_kept);
+    g_test_add_func("/sim/override/corners", corners);
     g_test_add_func("/sim/override/ticks", independent_of_ticks);
     g_test_add_func("/sim/override/no-clock", same_without_a_clock);
     g_test_add_func("/sim/override/late-plan", plan_comes_late);
