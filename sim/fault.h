@@ -48,6 +48,7 @@ typedef struct {
 
 typedef struct {
     GArray *faults; /* SimFault, in the order of the script */
+    bool random;    /* the mode has been asked for */
     double rate;    /* of replies that a fault of the link happens to at random */
     uint32_t seed;  /* of those; what it is before the script is read, unless that says another */
 } SimFaultScript;
@@ -62,7 +63,8 @@ SimFaultScript *sim_fault_script_new(void);
 void sim_fault_script_free(SimFaultScript *script);
 G_DEFINE_AUTOPTR_CLEANUP_FUNC(SimFaultScript, sim_fault_script_free)
 
-/* Adds one fault, or the mode "random"; a wrong one adds nothing. Errors: SIM_FAULT_ERROR. */
+/* Adds one fault, or the mode "random", which can be asked for once; a wrong one adds
+ * nothing. Errors: SIM_FAULT_ERROR. */
 bool sim_fault_script_add(SimFaultScript *script, const char *spec, GError **error);
 
 /* Adds a file's, one a line; a line may be empty, or a comment that begins with "#". What stands

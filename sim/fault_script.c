@@ -138,14 +138,23 @@ static bool parse_end(Cursor *c, GError **error)
 /* random [":" SEED [":" RATE]] */
 static bool parse_random(SimFaultScript *script, Cursor *c, GError **error)
 {
+    const char *begin = c->at;
     double seed = script->seed, rate = DEFAULT_RATE;
     if (!take_word(c, "random"))
         return expected(c, "random[:SEED[:RATE]], or at …", error);
+    if (script->random) {
+        g_set_error(error, SIM_FAULT_ERROR, SIM_FAULT_ERROR_SYNTAX,
+                    "column %td: a second \"random\": one has its seed and rate already",
+                    begin - c->begin + 1);
+        return false;
+    }
+    skip_spaces(c);
     if (*c->at == ':') {
         c->at++;
         if (!take_number(c, true, 0, UINT32_MAX, &seed, "a seed from 0 to 4294967295", error))
             return false;
     }
+    skip_spaces(c);
     if (*c->at == ':') {
         c->at++;
         if (!take_number(c, false, 0, 1, &rate, "a rate from 0 to 1", error))
@@ -153,6 +162,7 @@ static bool parse_random(SimFaultScript *script, Cursor *c, GError **error)
     }
     if (!parse_end(c, error))
         return false;
+    script->random = true;
     script->seed = (uint32_t)seed;
     script->rate = rate;
     return true;

@@ -64,17 +64,26 @@ static void alarm_text(void)
 
 static void random_mode(void)
 {
-    g_autoptr(SimFaultScript) script = sim_fault_script_new();
-    script->seed = 99;
-    g_assert_true(sim_fault_script_add(script, "random", NULL));
-    g_assert_cmpuint(script->seed, ==, 99);
-    g_assert_cmpfloat(script->rate, ==, 0.01);
-    g_assert_true(sim_fault_script_add(script, "random:4294967295:0.5", NULL));
-    g_assert_cmpuint(script->seed, ==, 4294967295u);
-    g_assert_cmpfloat(script->rate, ==, 0.5);
-    g_assert_true(sim_fault_script_add(script, "random:7", NULL));
-    g_assert_cmpuint(script->seed, ==, 7);
-    g_assert_cmpuint(script->faults->len, ==, 0);
+    static const struct {
+        const char *spec;
+        uint32_t seed;
+        double rate;
+    } good[] = {{"random", 99, 0.01},
+                {"random:4294967295:0.5", 4294967295u, 0.5},
+                {"random:7", 7, 0.01},
+                {" random : 7\t: 0.25 ", 7, 0.25}};
+    for (size_t i = 0; i < G_N_ELEMENTS(good); i++) {
+        g_autoptr(SimFaultScript) script = sim_fault_script_new();
+        g_autoptr(GError) error = NULL;
+        script->seed = 99;
+        g_assert_true(sim_fault_script_add(script, good[i].spec, NULL));
+        g_assert_false(sim_fault_script_add(script, " random:5:1", &error));
+        g_assert_error(error, SIM_FAULT_ERROR, SIM_FAULT_ERROR_SYNTAX);
+        g_assert_nonnull(error ? strstr(error->message, "column 2: a second \"random\"") : NULL);
+        g_assert_cmpuint(script->seed, ==, good[i].seed);
+        g_assert_cmpfloat(script->rate, ==, good[i].rate);
+        g_assert_cmpuint(script->faults->len, ==, 0);
+    }
 }
 
 /* A wrong one is refused at its place, and adds nothing. */
