@@ -225,6 +225,11 @@ static bool read_percent(NcExecution *x, GError **error)
 bool nc_read_blocks(NcInterpreter *interpreter, const char *text, size_t length, GArray *moves,
                     NcBlockRead read, void *data, GError **error)
 {
+    if (length == 0) {
+        g_set_error(error, NC_ERROR, NC_ERROR_PROGRAM,
+                    "the program is empty: it needs at least M2 or M30");
+        return false;
+    }
     const char *end = text + length;
     for (const char *at = text; at < end && !interpreter->x.modal.ended;) {
         const char *newline = memchr(at, '\n', (size_t)(end - at));

@@ -262,6 +262,8 @@ static void refusals(void)
         {"G90.1 G2 X1 I1 F1", "line 1, column 7: G2 needs both centre coordinates with G90.1"},
         {"% X1", "line 1: % must stand alone"},
         {"G0\n%", "line 2: % ends a program that did not begin with %"},
+        {"", "the program is empty: it needs at least M2 or M30"},
+        {"\n", "line 1: the program ends without M2 or M30"},
         {"G0 X1\n", "line 1: the program ends without M2 or M30"},
         {"%\nG0 X1\n", "line 2: the program ends without its second %"},
     };
