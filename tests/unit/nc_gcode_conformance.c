@@ -224,7 +224,7 @@ static void corpus(void)
 
 /* ------------------------------------------------------------------------- speed */
 
-/* Reading a program (SEGMILL_GCODE_LONG) takes at most half of what LinuxCNC's interpreter has
+/* Reading a program (SEGMILL_GCODE_LONG) takes at most a quarter of what LinuxCNC's interpreter has
  * taken (SEGMILL_GCODE_SECONDS, of the processor); tests/bench/gcode.c has the figure. */
 static void speed(void)
 {
@@ -241,7 +241,7 @@ static void speed(void)
     const double ours_s = (double)(clock() - start) / CLOCKS_PER_SEC;
     g_assert_nonnull(moves);
     g_test_message("%.3f s, LinuxCNC %s s", ours_s, seconds);
-    g_assert_cmpfloat(2.0 * ours_s, <=, g_ascii_strtod(seconds, NULL));
+    g_assert_cmpfloat(4.0 * ours_s, <=, g_ascii_strtod(seconds, NULL));
 }
 
 static void add(void)
