@@ -178,7 +178,7 @@ static void link_is_served(void)
 /* RESTART over the link: at a gate it is done, elsewhere the receiver refuses. */
 static void restarted(void)
 {
-    const char *text = "G21 G90\nT1 M6\nS3000 M3\nG53 G0 X10\nG53 G1 Z-20 F600\n"
+    const char *text = "G21 G90 G61\nT1 M6\nS3000 M3\nG53 G0 X10\nG53 G1 Z-20 F600\n"
                        "G53 G0 Z0\nG53 G1 X30 Z-5\nG53 G0 Z0\nM30\n";
     const uint64_t gates[] = {(uint64_t)(strstr(text, "G53 G1 X30") - text), strlen(text)};
     static const struct {
