@@ -176,14 +176,15 @@ static void print_table(const AgentJob *job, const NcVerdict *verdict)
     }
 }
 
-/* "0.0312 mm of excess (limit 0.03) at (1, 2, 3), line 17" */
+/* "0.0312 mm of excess (limit 0.03) at (1, 2, 3), line 17"; "at least 10 mm …" */
 static void add_worst(GString *text, const char *what, const NcWorst *worst, double limit_mm)
 {
     if (worst->depth_mm <= limit_mm)
         return;
-    g_string_append_printf(text, "%s%.4g mm of %s (limit %.4g) at (%.3f, %.3f, %.3f), ",
-                           text->len > 0 ? "; " : "", worst->depth_mm, what, limit_mm,
-                           worst->point.x, worst->point.y, worst->point.z);
+    g_string_append_printf(text, "%s%s%.4g mm of %s (limit %.4g) at (%.3f, %.3f, %.3f), ",
+                           text->len > 0 ? "; " : "",
+                           worst->depth_mm >= NC_VERIFY_MOST_MM ? "at least " : "", worst->depth_mm,
+                           what, limit_mm, worst->point.x, worst->point.y, worst->point.z);
     if (worst->line > 0)
         g_string_append_printf(text, "line %u", worst->line);
     else

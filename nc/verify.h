@@ -5,13 +5,16 @@
  *
  * A deviation is measured at a point of a CAD face, along its outward normal, to the surface of the
  * cut part; recipe.stock_to_leave_mm is taken off. Positive: excess, negative: gouge. It is exact
- * at the point (nc/stock/probe.h); which points are looked at is said in docs/verify.md.
+ * at the point (nc/stock/probe.h); which points are looked at is said in docs/verify.md. Nothing is
+ * looked for further than NC_VERIFY_MOST_MM: a deviation that large is at least that.
  */
 #ifndef NC_VERIFY_H
 #define NC_VERIFY_H
 
 #include "nc/gcode.h"
 #include "nc/stock.h"
+
+#define NC_VERIFY_MOST_MM 10.0
 
 /* A point of the survey: an even sample of the faces. */
 typedef struct {

@@ -51,6 +51,7 @@ typedef struct {
     SegVec3 point, normal;
     double inward;  /* where the material begins again, <= 0 */
     double outward; /* where it ends, >= 0 */
+    double most;    /* of both */
     bool gone;      /* there is none at the point */
     size_t move;
 } Line;
@@ -103,12 +104,12 @@ void nc_probing_free(NcProbing *probing)
 }
 
 NcProbed nc_probing_measure(const NcProbing *probing, SegVec3 point, SegVec3 normal,
-                            double stock_mm)
+                            double stock_mm, double most_mm)
 {
     const GArray *layers = probing->layers;
-    Line line = {.point = point, .normal = normal, .move = NC_PROBING_UNCUT};
-    line.outward = fmax(stock_mm, 0);
-    line.inward = fmin(stock_mm, 0);
+    Line line = {.point = point, .normal = normal, .most = most_mm, .move = NC_PROBING_UNCUT};
+    line.outward = CLAMP(stock_mm, 0, most_mm);
+    line.inward = CLAMP(stock_mm, -most_mm, 0);
     line.gone = stock_mm <= 0;
     /* The move that most likely made the surface rules most others out. */
     for (guint i = 0; i < layers->len; i++) {
@@ -129,7 +130,7 @@ NcProbed nc_probing_measure(const NcProbing *probing, SegVec3 point, SegVec3 nor
             visit(layer, &support, &line);
         }
     } while (line.gone && (!was_gone || line.inward < before));
-    return (NcProbed){line.gone ? line.inward : line.outward, line.move};
+    return (NcProbed){line.gone ? fmax(line.inward, -most_mm) : line.outward, line.move};
 }
 
 /* ------------------------------------------------------------------------- lines */
@@ -138,6 +139,12 @@ NcProbed nc_probing_measure(const NcProbing *probing, SegVec3 point, SegVec3 nor
 static double bound_of(const Line *line)
 {
     return line->gone ? line->inward : line->outward;
+}
+
+/* No further is looked. */
+static bool is_done(const Line *line)
+{
+    return line->gone && line->inward <= -line->most;
 }
 
 /* And only what comes this near to its point. */
@@ -219,7 +226,8 @@ static void visit_cell(const Layer *layer, const Support *support, size_t cell, 
 {
     SegVec3 n = line->normal, p = line->point;
     const Piece *pieces = (const Piece *)(const void *)layer->pieces->data;
-    for (size_t k = layer->cells[cell].first; k < layer->cells[cell + 1].first; k++) {
+    for (size_t k = layer->cells[cell].first; k < layer->cells[cell + 1].first && !is_done(line);
+         k++) {
         const Piece *piece = &pieces[k];
         double a = seg_dot(n, seg_sub(piece->a, p)), b = seg_dot(n, seg_sub(piece->b, p));
         if ((a < b ? a : b) + support->support_mm <= bound_of(line) &&
@@ -271,10 +279,13 @@ static void visit(const Layer *layer, const Support *support, Line *line)
 {
     Window w;
     double around = layer->body.radius + layer->longest / 2 + reach_of(line);
+    if (is_done(line))
+        return;
     if (!window_of(layer, line->point, around, &w))
         return;
     for (size_t i = w.i0; i <= w.i1; i++)
-        for (size_t cell = i * layer->ny + w.j0; cell <= i * layer->ny + w.j1; cell++)
+        for (size_t cell = i * layer->ny + w.j0; cell <= i * layer->ny + w.j1 && !is_done(line);
+             cell++)
             if (layer->cells[cell].first < layer->cells[cell + 1].first &&
                 cell_matters(layer, support, &layer->cells[cell], line))
                 visit_cell(layer, support, cell, line);

@@ -31,8 +31,9 @@ typedef struct {
  * from the point: where material is left at the point, outward to the first place without
  * (deviation > 0); where it is gone, inward to the first that is left (deviation < 0). Without a
  * cut the material ends `stock_mm` outside of the point, inside of it where that is negative.
+ * Nothing is looked for further than `most_mm` either way: a deviation that large is at least that.
  */
 NcProbed nc_probing_measure(const NcProbing *probing, SegVec3 point, SegVec3 normal,
-                            double stock_mm);
+                            double stock_mm, double most_mm);
 
 #endif

@@ -168,19 +168,21 @@ static int32_t *zones_of(const NcPlanInput *input)
     return zones;
 }
 
-/* The nearest material from a place where none is left, along lines that lean from its normal. */
+/* The nearest material from a place where none is left, along lines that lean from its normal; no
+ * further than twice the limit, which is all that anybody asks. */
 static double nearest_material(const NcVerifier *verifier, const NcPlace *place, double stock_mm)
 {
     static const double leans[] = {45, 85};
     SegVec3 n = place->normal;
     SegVec3 x = seg_unit(seg_cross(n, fabs(n.x) < 0.9 ? seg_vec3(1, 0, 0) : seg_vec3(0, 1, 0)));
     SegVec3 y = seg_cross(n, x);
-    double nearest = INFINITY;
+    double nearest = INFINITY, most_mm = 2 * verifier->gouge_limit_mm;
     for (int i = 0; i < EDGE_LINES * (int)G_N_ELEMENTS(leans); i++) {
         double lean = leans[i / EDGE_LINES] * G_PI / 180, turn = 2 * G_PI * i / EDGE_LINES;
         SegVec3 side = seg_add(seg_scale(x, cos(turn)), seg_scale(y, sin(turn)));
         SegVec3 out = seg_add(seg_scale(n, cos(lean)), seg_scale(side, sin(lean)));
-        NcProbed probed = nc_probing_measure(verifier->probing, place->point, out, stock_mm);
+        NcProbed probed =
+            nc_probing_measure(verifier->probing, place->point, out, stock_mm, most_mm);
         nearest = fmin(nearest, fmax(-probed.deviation_mm, 0));
     }
     return nearest;
@@ -190,11 +192,13 @@ double nc_verifier_measure(const NcVerifier *verifier, const NcPlace *place, siz
 {
     const CfgRecipe *recipe = verifier->input->recipe;
     double stock_mm = nc_material_end_mm(verifier->stock, recipe, place->point, place->normal);
-    NcProbed probed = nc_probing_measure(verifier->probing, place->point, place->normal, stock_mm);
+    double leave = recipe->stock_to_leave_mm, most = NC_VERIFY_MOST_MM + leave;
+    NcProbed probed =
+        nc_probing_measure(verifier->probing, place->point, place->normal, stock_mm, most);
     if (move)
         *move = probed.move;
-    double limit = verifier->gouge_limit_mm, leave = recipe->stock_to_leave_mm;
-    double deviation = probed.deviation_mm - leave;
+    double limit = verifier->gouge_limit_mm;
+    double deviation = fmax(probed.deviation_mm - leave, -NC_VERIFY_MOST_MM);
     if (deviation >= -limit / 2 || probed.deviation_mm >= 0)
         return deviation;
     /* At an edge the normal misses what is left: an edge that is broken within the limit is none

@@ -85,7 +85,7 @@ static NcProbing *probing_of(const NcMove *moves, size_t n)
 
 static double deviation(const NcProbing *probing, SegVec3 point, SegVec3 normal)
 {
-    return nc_probing_measure(probing, point, normal, STOCK_MM).deviation_mm;
+    return nc_probing_measure(probing, point, normal, STOCK_MM, 1000).deviation_mm;
 }
 
 /* Along a level move the cut is the tool's profile, whatever lies along it. */
@@ -145,7 +145,7 @@ static void rows(void)
         SegVec3 row = {0.1 * i, i * step, 0}, between = {0.1 * i, (i + 0.5) * step, 0};
         test_near(deviation(probing, row, seg_vec3(0, 0, 1)), 0, 1e-9, 0);
         test_near(deviation(probing, between, seg_vec3(0, 0, 1)), cusp, 1e-9, 0);
-        g_assert_cmpuint(nc_probing_measure(probing, row, seg_vec3(0, 0, 1), 1).move, ==,
+        g_assert_cmpuint(nc_probing_measure(probing, row, seg_vec3(0, 0, 1), 1, 1000).move, ==,
                          (size_t)i);
     }
 }
@@ -194,7 +194,8 @@ static void uncut(void)
     if (!probing)
         return;
     for (double stock = -2; stock <= 2; stock += 0.5) {
-        NcProbed probed = nc_probing_measure(probing, seg_vec3(0, 0, 0), seg_vec3(0, 0, 1), stock);
+        NcProbed probed =
+            nc_probing_measure(probing, seg_vec3(0, 0, 0), seg_vec3(0, 0, 1), stock, 1000);
         g_assert_cmpfloat(probed.deviation_mm, ==, stock);
         g_assert_cmpuint(probed.move, ==, NC_PROBING_UNCUT);
     }

@@ -407,6 +407,43 @@ static void large_box(void)
     plan_case_free(c);
 }
 
+/* Everything is gone, and everything is left of a high box: told as at least so much, in no time.
+ */
+static void far_off(void)
+{
+    char *set[] = {(char *)"segmentation.method=none",
+                   (char *)"tools.use=15",
+                   (char *)"setup.zero=part",
+                   (char *)"stock.kind=box",
+                   (char *)"stock.min_mm=-20,-20,-20",
+                   (char *)"stock.max_mm=20,20,30",
+                   NULL};
+    for (int i = 0; i < 2; i++) {
+        SegPart *part = plane();
+        part->chord_mm = 0;
+        g_autoptr(GError) error = NULL;
+        PlanCase *c = plan_case_new(part, set, &error);
+        g_assert_no_error(error);
+        if (!c)
+            return;
+        GString *program = program_new();
+        double z[ROWS];
+        for (int k = 0; k < ROWS; k++)
+            z[k] = -11;
+        uint32_t lines[ROWS];
+        if (i == 0)
+            add_rows(program, z, 0, 0, lines);
+        g_autoptr(NcVerdict) verdict = judge(c, program);
+        if (verdict) {
+            g_assert_cmpfloat(verdict->whole.gouge_max.depth_mm, ==,
+                              i == 0 ? NC_VERIFY_MOST_MM : 0);
+            g_assert_cmpfloat(verdict->whole.excess_max.depth_mm, ==,
+                              i == 0 ? 0 : NC_VERIFY_MOST_MM);
+        }
+        plan_case_free(c);
+    }
+}
+
 static void threads(void)
 {
     PlanCase *c = case_of(plane(), "0");
@@ -454,6 +491,7 @@ static void add(void)
     g_test_add_func("/nc/verify/stock-to-leave", leave);
     g_test_add_func("/nc/verify/mesh", mesh);
     g_test_add_func("/nc/verify/large-box", large_box);
+    g_test_add_func("/nc/verify/far-off", far_off);
     g_test_add_func("/nc/verify/threads", threads);
 }
 
