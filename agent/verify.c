@@ -145,12 +145,23 @@ static void describe(const AgentJob *job, const NcVerdict *verdict, const char *
 
 /* -------------------------------------------------------------------- for people */
 
+/* "-" where there is nothing to take a share of. */
+static void print_percent(double percent)
+{
+    if (isnan(percent))
+        printf(" %10s", "-");
+    else
+        printf(" %10.3f", percent);
+}
+
 static void print_row(const char *name, const NcJudgement *judgement)
 {
-    printf("%-16s %10.4f %10.4f %10.4f %12.3f %12.3f %10.3f %10.3f\n", name,
-           judgement->gouge_max.depth_mm, judgement->excess_max.depth_mm, judgement->excess_p99_mm,
-           judgement->requested_area_mm2, judgement->unreachable_area_mm2,
-           judgement->coverage_percent, judgement->within_tolerance_percent);
+    printf("%-16s %10.4f %10.4f %10.4f %12.3f %12.3f", name, judgement->gouge_max.depth_mm,
+           judgement->excess_max.depth_mm, judgement->excess_p99_mm, judgement->requested_area_mm2,
+           judgement->unreachable_area_mm2);
+    print_percent(judgement->coverage_percent);
+    print_percent(judgement->within_tolerance_percent);
+    printf("\n");
 }
 
 static const char *region_name(const SegSegmentation *segmentation, int32_t id)
