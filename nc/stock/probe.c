@@ -13,7 +13,9 @@
 #define CELL_PIECES 16
 #define CELL_SHARE 0.25
 #define CELLS_MOST 4000000
-#define PIECES_MOST 200000000
+
+/* Of all tools together: 96 bytes each. */
+#define PIECES_MOST 20000000
 
 /* A straight move, or a bit of one, of the tip; with what rejects it fast. */
 typedef struct {
@@ -44,6 +46,7 @@ typedef struct {
 
 struct NcProbing {
     GArray *layers;
+    size_t n_pieces;
 };
 
 /* One line, while it is being cut. */
@@ -63,7 +66,8 @@ typedef struct {
 } Support;
 
 static Layer *layer_of(NcProbing *probing, const NcMove *move, const CfgToolTable *tools);
-static bool add_move(Layer *layer, const NcMove *move, size_t index, SegVec3 zero, GError **error);
+static bool add_move(NcProbing *probing, Layer *layer, const NcMove *move, size_t index,
+                     SegVec3 zero, GError **error);
 static void sort_into_cells(Layer *layer);
 static void bound_cells(Layer *layer);
 static Support support_of(const NcBody *body, SegVec3 n);
@@ -88,7 +92,7 @@ NcProbing *nc_probing_new(const NcMove *moves, size_t n, SegVec3 zero, const Cfg
     g_array_set_clear_func(probing->layers, layer_clear);
     for (size_t i = 0; i < n; i++)
         if (nc_chords_wanted(&moves[i]) &&
-            !add_move(layer_of(probing, &moves[i], tools), &moves[i], i, zero, error))
+            !add_move(probing, layer_of(probing, &moves[i], tools), &moves[i], i, zero, error))
             return NULL;
     for (guint i = 0; i < probing->layers->len; i++)
         sort_into_cells(&g_array_index(probing->layers, Layer, i));
@@ -342,15 +346,18 @@ static size_t pieces_of(const Layer *layer, const NcMove *move)
     return MAX(nc_chords_of(move), (size_t)fmin(ceil(level / layer->longest), PIECES_MOST + 1.0));
 }
 
-static bool add_move(Layer *layer, const NcMove *move, size_t index, SegVec3 zero, GError **error)
+static bool add_move(NcProbing *probing, Layer *layer, const NcMove *move, size_t index,
+                     SegVec3 zero, GError **error)
 {
     size_t n = pieces_of(layer, move);
-    if (n + layer->pieces->len > PIECES_MOST) {
+    if (n + probing->n_pieces > PIECES_MOST) {
         g_set_error(error, NC_ERROR, NC_ERROR_PROGRAM,
-                    "line %u: the program is too long to be measured (%d pieces of moves)",
+                    "line %u: the program is too long to be measured: its moves are more than %d "
+                    "pieces of a quarter of the tool's radius; verify it in parts",
                     nc_move_block_line(move), PIECES_MOST);
         return false;
     }
+    probing->n_pieces += n;
     zero.z += layer->length_mm;
     SegVec3 a = seg_sub(nc_move_point(move, 0), zero);
     for (size_t i = 0; i < n; i++) {

@@ -242,6 +242,14 @@ static void errors(void)
     none = nc_probing_new(&move, 1, zero, &table, &error);
     g_assert_null(none);
     g_assert_nonnull(error ? strstr(error->message, "line 17: a move with rotary axis A") : NULL);
+    g_clear_error(&error);
+    /* 40 million pieces of a quarter of the radius. */
+    double length_mm = 40e6 * 0.25 * tools[0].diameter_mm / 2;
+    move = feed((CfgToolKind)0, seg_vec3(0, 0, 0), seg_vec3(length_mm, 0, 0));
+    move.line = 17;
+    none = nc_probing_new(&move, 1, zero, &table, &error);
+    g_assert_null(none);
+    g_assert_nonnull(error ? strstr(error->message, "line 17: the program is too long") : NULL);
 }
 
 static void add(void)
