@@ -28,6 +28,7 @@ packages() {
 #: libomp-dev                 OpenMP for clang
 #: perl                       prove
 #: python3-jsonschema         judge of the JSON files
+#: python3-yaml               judge of the workflow in docs/vcnc-ci.md
 #: mbpoll                     judge of the Modbus map
 #: python3-pymodbus           judge of the Modbus map and of the exceptions
 #: python3-serial-asyncio     pymodbus does not begin without it
