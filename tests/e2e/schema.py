@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""schema.py SCHEMA FILE: is the JSON file valid? Numbers that JSON does not have are refused."""
+"""schema.py SCHEMA FILE…: are the JSON files valid, and of a .log or "log" each line? Numbers that
+JSON does not have are refused."""
 import json
 import sys
 
@@ -18,13 +19,18 @@ def pairs(items):
     return dict(items)
 
 
-schema, instance = sys.argv[1:]
-with open(schema, encoding="utf-8") as f:
+def documents(name):
+    with open(name, encoding="utf-8") as f:
+        texts = f.readlines() if name.endswith("log") else [f.read()]
+    return [json.loads(text, parse_constant=refuse, object_pairs_hook=pairs) for text in texts]
+
+
+with open(sys.argv[1], encoding="utf-8") as f:
     rules = json.load(f)
-with open(instance, encoding="utf-8") as f:
-    value = json.load(f, parse_constant=refuse, object_pairs_hook=pairs)
 jsonschema.Draft202012Validator.check_schema(rules)
-errors = list(jsonschema.Draft202012Validator(rules).iter_errors(value))
-for error in errors:
-    print(f"# {instance}: {'/'.join(map(str, error.absolute_path))}: {error.message}"[:400])
+validator = jsonschema.Draft202012Validator(rules)
+errors = [(name, error) for name in sys.argv[2:] for value in documents(name)
+          for error in validator.iter_errors(value)]
+for name, error in errors:
+    print(f"# {name}: {'/'.join(map(str, error.absolute_path))}: {error.message}"[:400])
 sys.exit(1 if errors else 0)
