@@ -182,17 +182,22 @@ static void show_share(double done, void *what)
     agent_progress_share(what, done);
 }
 
-bool agent_job_plan(AgentJob *job, GError **error)
+NcPlanInput agent_job_input(const AgentJob *job, char *step)
 {
-    static char planning[] = "planning", comparing[] = "planning with one tool";
-    int64_t start_us = begin(planning);
-    NcPlanInput input = {.part = job->part,
+    return (NcPlanInput){.part = job->part,
                          .segmentation = job->segmentation,
                          .recipe = job->recipe,
                          .machine = job->machine,
                          .tools = job->tools,
                          .progress = show_share,
-                         .progress_data = planning};
+                         .progress_data = step};
+}
+
+bool agent_job_plan(AgentJob *job, GError **error)
+{
+    static char planning[] = "planning", comparing[] = "planning with one tool";
+    int64_t start_us = begin(planning);
+    NcPlanInput input = agent_job_input(job, planning);
     job->plan = nc_plan_new(&input, error);
     job->plan_s = end(start_us);
     if (!job->plan)

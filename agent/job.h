@@ -37,6 +37,9 @@ AgentJob *agent_job_for_recipe(const AgentOptions *options, GError **error);
 
 bool agent_job_segment(AgentJob *job, GError **error);
 
+/* The segmented job as nc takes it; progress is shown as that of `step`, which outlives it. */
+NcPlanInput agent_job_input(const AgentJob *job, char *step);
+
 /* Plan, baseline and program. */
 bool agent_job_plan(AgentJob *job, GError **error);
 

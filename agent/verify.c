@@ -76,22 +76,11 @@ static GArray *read_moves(const char *path, const AgentJob *job, char **sha256, 
     return moves;
 }
 
-static void show_share(double done, void *what)
-{
-    agent_progress_share(what, done);
-}
-
 static NcVerdict *judge(AgentJob *job, const char *path, const GArray *moves, double *seconds,
                         GError **error)
 {
     static char verifying[] = "verifying";
-    NcPlanInput input = {.part = job->part,
-                         .segmentation = job->segmentation,
-                         .recipe = job->recipe,
-                         .machine = job->machine,
-                         .tools = job->tools,
-                         .progress = show_share,
-                         .progress_data = verifying};
+    NcPlanInput input = agent_job_input(job, verifying);
     agent_progress_step(verifying);
     int64_t start_us = g_get_monotonic_time();
     g_autoptr(GError) cause = NULL;
