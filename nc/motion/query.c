@@ -28,12 +28,14 @@ bool nc_motion_forbids(const NcMotion *motion, size_t move)
     return motion->forbidden && motion->forbidden[move];
 }
 
-size_t nc_motion_stretch_at_s(const NcMotion *motion, double t_s)
+/* The last stretch that begins at no more than `value`, in time or in place. */
+static size_t last_from(const NcMotion *motion, bool in_time, double value)
 {
     size_t low = 0, high = motion->n_stretches;
     while (high - low > 1) {
         size_t middle = low + (high - low) / 2;
-        if (motion->stretches[middle].t <= t_s)
+        const NcStretch *stretch = &motion->stretches[middle];
+        if ((in_time ? stretch->t : stretch->s) <= value)
             low = middle;
         else
             high = middle;
@@ -41,17 +43,14 @@ size_t nc_motion_stretch_at_s(const NcMotion *motion, double t_s)
     return low;
 }
 
+size_t nc_motion_stretch_at_s(const NcMotion *motion, double t_s)
+{
+    return last_from(motion, true, t_s);
+}
+
 size_t nc_motion_stretch_at_mm(const NcMotion *motion, double s_mm)
 {
-    size_t low = 0, high = motion->n_stretches;
-    while (high - low > 1) {
-        size_t middle = low + (high - low) / 2;
-        if (motion->stretches[middle].s <= s_mm)
-            low = middle;
-        else
-            high = middle;
-    }
-    return low;
+    return last_from(motion, false, s_mm);
 }
 
 size_t nc_motion_phases(const NcMotion *motion, size_t stretch, NcPhase phases[7])

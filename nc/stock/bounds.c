@@ -3,17 +3,14 @@
 
 #include <string.h>
 
+#include "nc/motion/path.h"
+
 /* The results are the same with and without: none of these loops fuses or reorders. Static: clang
  * does not give a clone that others call the name they call. */
 #define CLONES __attribute__((target_clones("avx512f", "avx2", "default")))
 
 /* Far off all rays; its square is finite. */
 #define NOWHERE 1e15F
-
-static double coordinate(SegVec3 p, int axis)
-{
-    return axis == 0 ? p.x : axis == 1 ? p.y : p.z;
-}
 
 static void clear(NcLanes *lanes, int from)
 {
@@ -36,11 +33,11 @@ void nc_lanes_load(NcLanes *lanes, const NcGroup *group, const bool meets[NC_N_P
     for (int i = 0; i < group->n; i++) {
         SegVec3 a = seg_sub(group->chords[i].a, lanes->origin);
         SegVec3 d = seg_sub(group->chords[i].b, group->chords[i].a);
-        double du = coordinate(d, u), dv = coordinate(d, v), dw = coordinate(d, axis);
+        double du = nc_axis_value(d, u), dv = nc_axis_value(d, v), dw = nc_axis_value(d, axis);
         double level = hypot(du, dv), length = seg_norm(d);
-        lanes->u[i] = (float)coordinate(a, u);
-        lanes->v[i] = (float)coordinate(a, v);
-        lanes->w[i] = (float)coordinate(a, axis);
+        lanes->u[i] = (float)nc_axis_value(a, u);
+        lanes->v[i] = (float)nc_axis_value(a, v);
+        lanes->w[i] = (float)nc_axis_value(a, axis);
         lanes->du[i] = (float)du;
         lanes->dv[i] = (float)dv;
         lanes->dw[i] = (float)dw;
@@ -132,7 +129,7 @@ CLONES static void add_sphere(const NcLanes *lanes, float radius, float u, float
 }
 
 /* Z rays: the profile's height at the least distance from the way, over its lowest point. */
-CLONES static void add_upright(const NcLanes *lanes, const NcBody *body, float u, float v,
+CLONES static void add_upright(const NcLanes *lanes, const NcToolBody *body, float u, float v,
                                float half, float *low, float *high)
 {
     const NcRoundedDisc *d = &body->rounded;
@@ -203,8 +200,8 @@ CLONES static void add_level(const NcLanes *lanes, const float piece[7], bool z_
     }
 }
 
-static void add_level_pieces(const NcLanes *lanes, const NcBody *body, float u, float v, float half,
-                             float *low, float *high)
+static void add_level_pieces(const NcLanes *lanes, const NcToolBody *body, float u, float v,
+                             float half, float *low, float *high)
 {
     bool z_is_u = lanes->axis == 1;
     float z = z_is_u ? u : v, other = z_is_u ? v : u;
@@ -224,7 +221,7 @@ static void add_level_pieces(const NcLanes *lanes, const NcBody *body, float u, 
                   z_is_u, z, other, half, low, high);
 }
 
-void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float half,
+void nc_lanes_bounds(const NcLanes *lanes, const NcToolBody *body, float u, float v, float half,
                      float *low, float *high)
 {
     int n = padded(lanes);

@@ -34,7 +34,7 @@ void nc_lanes_choose(NcLanes *lanes, const NcLanes *all, uint64_t chosen);
  * sweeps on any ray within `half` of (u, v) along u and v; these too are counted from the origin.
  * Empty (low > high) where there is none. Of a ball on a single ray (half = 0) it is exact but for
  * rounding. */
-void nc_lanes_bounds(const NcLanes *lanes, const NcBody *body, float u, float v, float half,
+void nc_lanes_bounds(const NcLanes *lanes, const NcToolBody *body, float u, float v, float half,
                      float *low, float *high);
 
 /* For each lane how much of [in, out] its interval covers, kept where `overlap` is more already. */

@@ -77,9 +77,10 @@ static const NcCutterParts *cutter_of(NcChordReader *reader, int number)
     const CfgTool *tool = cfg_tools_find(reader->tools, number);
     NcCutterParts **cutter = &reader->cutters[tool - reader->tools->tools];
     if (!*cutter) {
-        NcBody cutting = nc_body_cutting(tool), shank = nc_body_shank(tool);
-        NcBody holder = nc_body_holder(tool);
-        NcBody around = nc_body_cylinder(shank.bottom, shank.top, 2 * (shank.radius + NC_RUB_MM));
+        NcToolBody cutting = nc_body_cutting(tool), shank = nc_body_shank(tool);
+        NcToolBody holder = nc_body_holder(tool);
+        NcToolBody around =
+            nc_body_cylinder(shank.bottom, shank.top, 2 * (shank.radius + NC_RUB_MM));
         *cutter = g_new(NcCutterParts, 1);
         **cutter = (NcCutterParts){tool, {cutting, shank, holder}, {cutting, around, holder}};
     }
@@ -118,7 +119,7 @@ static uint32_t new_cut(NcStock *stock, const NcMove *move)
 static void widen(NcGroup *group, const NcChord *chord)
 {
     for (int k = 0; k < NC_N_PARTS; k++) {
-        const NcBody *body = &group->cutter->reach[k];
+        const NcToolBody *body = &group->cutter->reach[k];
         if (nc_body_is_empty(body))
             continue;
         double r = body->radius;

@@ -21,8 +21,8 @@ typedef enum { NC_PART_CUTTING, NC_PART_SHANK, NC_PART_HOLDER, NC_N_PARTS } NcPa
 
 typedef struct {
     const CfgTool *tool;
-    NcBody part[NC_N_PARTS];
-    NcBody reach[NC_N_PARTS]; /* the same, the shank wider by NC_RUB_MM all around */
+    NcToolBody part[NC_N_PARTS];
+    NcToolBody reach[NC_N_PARTS]; /* the same, the shank wider by NC_RUB_MM all around */
 } NcCutterParts;
 
 typedef struct {

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "nc/motion/path.h"
 #include "nc/stock/contacts.h"
 
 static size_t prepare(const NcStock *stock, const NcGroup *groups, size_t n, NcPrepared *prepared);
@@ -62,23 +63,18 @@ typedef struct {
     uint64_t parts;
 } Window;
 
-static double coordinate(SegVec3 p, int axis)
-{
-    return axis == 0 ? p.x : axis == 1 ? p.y : p.z;
-}
-
 static Window window_of(const NcStock *stock, int axis, SegVec3 min, SegVec3 max)
 {
     Window window = {.parts = 0};
     for (int k = 0; k < 2; k++) {
         int along = (axis + 1 + k) % 3;
-        int32_t from = nc_dexel_depth(stock, along, coordinate(min, along)) >> stock->shift;
-        int32_t to = nc_dexel_depth(stock, along, coordinate(max, along)) >> stock->shift;
+        int32_t from = nc_dexel_depth(stock, along, nc_axis_value(min, along)) >> stock->shift;
+        int32_t to = nc_dexel_depth(stock, along, nc_axis_value(max, along)) >> stock->shift;
         window.first[k] = MAX(from, 0) / NC_TILE;
         window.last[k] = to < 0 ? -1 : MIN(to, stock->n_nodes[along] - 1) / NC_TILE;
     }
-    int32_t from = nc_dexel_depth(stock, axis, coordinate(min, axis));
-    int32_t to = nc_dexel_depth(stock, axis, coordinate(max, axis));
+    int32_t from = nc_dexel_depth(stock, axis, nc_axis_value(min, axis));
+    int32_t to = nc_dexel_depth(stock, axis, nc_axis_value(max, axis));
     if (from <= to)
         window.parts = (UINT64_MAX << nc_dexel_part(stock, axis, from)) &
                        (UINT64_MAX >> (63 - nc_dexel_part(stock, axis, to)));

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/stock/cutter_body.h"
 
-static void add_frustum(NcBody *body, double z0, double r0, double z1, double r1)
+static void add_frustum(NcToolBody *body, double z0, double r0, double z1, double r1)
 {
     if (z1 > z0)
         body->frustum[body->n_frusta++] = (NcFrustum){z0, z1, r0, r1};
 }
 
 /* The cone up to the tool's radius, then the cylinder, and neither above the top. */
-static void add_sides(NcBody *body, double z, double r, double half_angle_rad)
+static void add_sides(NcToolBody *body, double z, double r, double half_angle_rad)
 {
     double straight = z, widest = body->radius;
     if (half_angle_rad > 0 && r < widest) {
@@ -24,7 +24,7 @@ static void add_sides(NcBody *body, double z, double r, double half_angle_rad)
     body->radius = widest;
 }
 
-NcBody nc_body_cutting(const CfgTool *tool)
+NcToolBody nc_body_cutting(const CfgTool *tool)
 {
     double radius = tool->diameter_mm / 2, corner = tool->corner_radius_mm;
     double disc = radius - corner, half_angle = 0;
@@ -50,32 +50,32 @@ NcBody nc_body_cutting(const CfgTool *tool)
     default:
         break;
     }
-    NcBody body = {.top = fmax(tool->flute_length_mm, 2 * corner), .radius = radius};
+    NcToolBody body = {.top = fmax(tool->flute_length_mm, 2 * corner), .radius = radius};
     body.rounded = (NcRoundedDisc){corner, disc, corner};
     add_sides(&body, corner * (1 - sin(half_angle)), disc + corner * cos(half_angle), half_angle);
     return body;
 }
 
-NcBody nc_body_cylinder(double bottom, double top, double diameter_mm)
+NcToolBody nc_body_cylinder(double bottom, double top, double diameter_mm)
 {
-    NcBody body = {.bottom = bottom, .top = top, .radius = diameter_mm / 2};
+    NcToolBody body = {.bottom = bottom, .top = top, .radius = diameter_mm / 2};
     if (diameter_mm > 0)
         add_frustum(&body, bottom, body.radius, top, body.radius);
     return body;
 }
 
-NcBody nc_body_shank(const CfgTool *tool)
+NcToolBody nc_body_shank(const CfgTool *tool)
 {
     double diameter = tool->shank_diameter_mm > 0 ? tool->shank_diameter_mm : tool->diameter_mm;
     return nc_body_cylinder(tool->flute_length_mm, tool->stickout_mm, diameter);
 }
 
-NcBody nc_body_holder(const CfgTool *tool)
+NcToolBody nc_body_holder(const CfgTool *tool)
 {
     return nc_body_cylinder(tool->stickout_mm, tool->length_mm, tool->holder_diameter_mm);
 }
 
-bool nc_body_is_empty(const NcBody *body)
+bool nc_body_is_empty(const NcToolBody *body)
 {
     return body->n_frusta == 0 && body->rounded.round <= 0;
 }
@@ -88,7 +88,7 @@ static double frustum_height(const NcFrustum *f, double distance)
                              : f->z0 + (f->z1 - f->z0) * (distance - f->r0) / (f->r1 - f->r0);
 }
 
-double nc_body_height_mm(const NcBody *body, double distance_mm)
+double nc_body_height_mm(const NcToolBody *body, double distance_mm)
 {
     double height = INFINITY;
     for (int i = 0; i < body->n_frusta; i++)
@@ -100,7 +100,7 @@ double nc_body_height_mm(const NcBody *body, double distance_mm)
     return height;
 }
 
-double nc_body_radius_mm(const NcBody *body, double height_mm)
+double nc_body_radius_mm(const NcToolBody *body, double height_mm)
 {
     double radius = -1;
     for (int i = 0; i < body->n_frusta; i++) {

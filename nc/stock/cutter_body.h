@@ -29,29 +29,29 @@ typedef struct {
     int n_frusta;
     double bottom, top; /* heights it lies between */
     double radius;      /* greatest */
-} NcBody;
+} NcToolBody;
 
 /*
  * From the tip to the top of the flutes. The shape is that of APT's seven-parameter tool: a flat
  * disc, a corner arc tangent to it, a cone tangent to the arc, a cylinder. A ball or a corner is
  * never cut short by the flutes: the body reaches at least twice the corner's radius up.
  */
-NcBody nc_body_cutting(const CfgTool *tool);
+NcToolBody nc_body_cutting(const CfgTool *tool);
 
 /* From the flutes to the holder; empty where the flutes reach it. */
-NcBody nc_body_shank(const CfgTool *tool);
+NcToolBody nc_body_shank(const CfgTool *tool);
 
 /* From the holder's nose to the gauge line; empty where the tool has no such part. */
-NcBody nc_body_holder(const CfgTool *tool);
+NcToolBody nc_body_holder(const CfgTool *tool);
 
-NcBody nc_body_cylinder(double bottom, double top, double diameter_mm);
+NcToolBody nc_body_cylinder(double bottom, double top, double diameter_mm);
 
-bool nc_body_is_empty(const NcBody *body);
+bool nc_body_is_empty(const NcToolBody *body);
 
 /* Height of the body's lower face at this distance from the axis; INFINITY beyond its radius. */
-double nc_body_height_mm(const NcBody *body, double distance_mm);
+double nc_body_height_mm(const NcToolBody *body, double distance_mm);
 
 /* Greatest radius of the body at or below this height above the tip; -1 where it has nothing. */
-double nc_body_radius_mm(const NcBody *body, double height_mm);
+double nc_body_radius_mm(const NcToolBody *body, double height_mm);
 
 #endif

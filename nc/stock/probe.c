@@ -35,7 +35,7 @@ typedef struct {
 /* The moves of one tool. */
 typedef struct {
     int number;
-    NcBody body;
+    NcToolBody body;
     double length_mm;
     double longest; /* level length of a piece at most */
     double x0, y0, side;
@@ -70,7 +70,7 @@ static bool add_move(NcProbing *probing, Layer *layer, const NcMove *move, size_
                      SegVec3 zero, GError **error);
 static void sort_into_cells(Layer *layer);
 static void bound_cells(Layer *layer);
-static Support support_of(const NcBody *body, SegVec3 n);
+static Support support_of(const NcToolBody *body, SegVec3 n);
 static const Piece *likely(const Layer *layer, const Support *support, const Line *line);
 static void visit(const Layer *layer, const Support *support, Line *line);
 static void meet(const Layer *layer, const Piece *piece, Line *line);
@@ -157,7 +157,7 @@ static double reach_of(const Line *line)
     return line->gone ? NC_FILM_MM - line->inward : line->outward;
 }
 
-static Support support_of(const NcBody *body, SegVec3 n)
+static Support support_of(const NcToolBody *body, SegVec3 n)
 {
     double level = sqrt(n.x * n.x + n.y * n.y);
     SegVec3 out = level > 0 ? seg_vec3(n.x / level, n.y / level, 0) : seg_vec3(0, 0, 0);
@@ -189,7 +189,8 @@ static double level_distance2(const Piece *piece, SegVec3 p)
 }
 
 /* Can a body whose tip is no lower than `bottom`, this far from the point, come within reach? */
-static bool comes_near(const NcBody *body, double bottom, double distance2, SegVec3 p, double reach)
+static bool comes_near(const NcToolBody *body, double bottom, double distance2, SegVec3 p,
+                       double reach)
 {
     double height = p.z + reach - bottom, most = body->radius + reach;
     if (height < 0 || distance2 > most * most)

@@ -5,12 +5,12 @@
 
 #include "nc/stock/sweep_axis.h"
 
-static void make_end(const NcRay *ray, const NcBody *body, const NcChord *chord, double t,
+static void make_end(const NcRay *ray, const NcToolBody *body, const NcChord *chord, double t,
                      SegVec3 normal, bool lower, NcDexelEnd *end);
 static double take_out(const NcRay *ray, NcDexelEnd from, NcDexelEnd to, int32_t *middle);
 
 /* The interval to take out; over the highest material its upper end is of no account. */
-static bool swept(const NcRay *ray, const NcBody *body, const NcChord *chord, double highest,
+static bool swept(const NcRay *ray, const NcToolBody *body, const NcChord *chord, double highest,
                   double t[2], SegVec3 normal[2])
 {
     SegVec3 a = chord->a, b = chord->b, origin = ray->origin;
@@ -23,7 +23,7 @@ static bool swept(const NcRay *ray, const NcBody *body, const NcChord *chord, do
     return nc_swept_interval(body, a, b, origin, seg_vec3(0, 0, 1), &t[0], &t[1], normal);
 }
 
-double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chord,
+double nc_ray_subtract(const NcRay *ray, const NcToolBody *body, const NcChord *chord,
                        double *middle_mm)
 {
     const NcDexelTile *tile = ray->tile;
@@ -48,7 +48,8 @@ double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chor
     return length;
 }
 
-double nc_ray_measure(const NcRay *ray, const NcBody *body, const NcChord *chord, double *middle_mm)
+double nc_ray_measure(const NcRay *ray, const NcToolBody *body, const NcChord *chord,
+                      double *middle_mm)
 {
     const NcDexelTile *tile = ray->tile;
     double t[2], longest = 0;
@@ -67,7 +68,7 @@ double nc_ray_measure(const NcRay *ray, const NcBody *body, const NcChord *chord
 }
 
 /* The end of the material where the sweep's surface lies: its normal points into the sweep. */
-static void make_end(const NcRay *ray, const NcBody *body, const NcChord *chord, double t,
+static void make_end(const NcRay *ray, const NcToolBody *body, const NcChord *chord, double t,
                      SegVec3 normal, bool lower, NcDexelEnd *end)
 {
     const NcStock *stock = ray->stock;

@@ -18,11 +18,11 @@ typedef struct {
 
 /* Takes what `body` sweeps along the chord out of the ray. Returns the length in mm of the longest
  * piece of material that it went through, 0 where none; `middle_mm` gets that piece's place. */
-double nc_ray_subtract(const NcRay *ray, const NcBody *body, const NcChord *chord,
+double nc_ray_subtract(const NcRay *ray, const NcToolBody *body, const NcChord *chord,
                        double *middle_mm);
 
 /* The same length and place, and takes nothing. */
-double nc_ray_measure(const NcRay *ray, const NcBody *body, const NcChord *chord,
+double nc_ray_measure(const NcRay *ray, const NcToolBody *body, const NcChord *chord,
                       double *middle_mm);
 
 #endif

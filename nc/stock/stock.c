@@ -43,7 +43,7 @@ NcStock *nc_stock_new_box(SegVec3 min, SegVec3 max, const NcStockOptions *option
 
 /* An end of a segment where the surface of `body` is, on the side of the next node that
  * nc_swept_contains tells. */
-static NcDexelEnd body_end(const NcStock *stock, const NcFill *fill, const NcBody *body,
+static NcDexelEnd body_end(const NcStock *stock, const NcFill *fill, const NcToolBody *body,
                            SegVec3 base, double t, SegVec3 normal, bool out)
 {
     NcDexelEnd end = {.depth = nc_dexel_depth(stock, fill->axis, t)};
@@ -66,7 +66,7 @@ NcStock *nc_stock_new_cylinder(SegVec3 base, double diameter_mm, double height_m
     if (!check_size(min, max, error))
         return NULL;
     NcStock *stock = nc_stock_alloc(min, max, options, error);
-    NcBody body = nc_body_cylinder(0, height_mm, diameter_mm);
+    NcToolBody body = nc_body_cylinder(0, height_mm, diameter_mm);
     for (int d = 0; d < 3 && stock; d++) {
         NcFill fill;
         for (nc_fill_begin(&fill, stock, d); nc_fill_next(&fill);) {

@@ -23,8 +23,8 @@ static void frustum_ends(Query *query, const NcFrustum *frustum);
 static void capsule_ends(Query *query, SegVec3 q, double radius);
 static void rounded_ends(Query *query, const NcRoundedDisc *rounded);
 
-bool nc_swept_interval(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 origin, SegVec3 direction,
-                       double *t0, double *t1, SegVec3 normals[2])
+bool nc_swept_interval(const NcToolBody *body, SegVec3 a, SegVec3 b, SegVec3 origin,
+                       SegVec3 direction, double *t0, double *t1, SegVec3 normals[2])
 {
     Query query = {.w = direction, .t = {INFINITY, -INFINITY}};
     query.d = seg_sub(b, a);

@@ -20,7 +20,7 @@
  * t1. Closed form, but for the torus of a bull tool, whose ends come from Newton's method on the
  * distance to the swept disc: convex, so it approaches from one side and cannot miss.
  */
-bool nc_swept_interval(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 origin, SegVec3 direction,
-                       double *t0, double *t1, SegVec3 normals[2]);
+bool nc_swept_interval(const NcToolBody *body, SegVec3 a, SegVec3 b, SegVec3 origin,
+                       SegVec3 direction, double *t0, double *t1, SegVec3 normals[2]);
 
 #endif

@@ -194,8 +194,8 @@ static void level_sphere(const Level *l, const NcRoundedDisc *d, Ends *ends)
     }
 }
 
-bool nc_swept_level(const NcBody *body, SegVec3 a, SegVec3 b, int axis, SegVec3 origin, double t[2],
-                    SegVec3 normals[2])
+bool nc_swept_level(const NcToolBody *body, SegVec3 a, SegVec3 b, int axis, SegVec3 origin,
+                    double t[2], SegVec3 normals[2])
 {
     Ends ends = {.t = {INFINITY, -INFINITY}};
     SegVec3 d = seg_sub(b, a), q = seg_sub(origin, a);
@@ -219,7 +219,7 @@ bool nc_swept_level(const NcBody *body, SegVec3 a, SegVec3 b, int axis, SegVec3 
     return ends.t[0] <= ends.t[1];
 }
 
-bool nc_swept_contains(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 point)
+bool nc_swept_contains(const NcToolBody *body, SegVec3 a, SegVec3 b, SegVec3 point)
 {
     double t[2];
     SegVec3 normals[2];
@@ -320,7 +320,7 @@ static void floor_torus(const Passing *p, const NcRoundedDisc *d, Ends *ends)
     take(ends, 0, d->centre - down, seg_vec3(x * lean, y * lean, -down / d->round));
 }
 
-bool nc_swept_floor(const NcBody *body, SegVec3 a, SegVec3 b, double x, double y, double *z,
+bool nc_swept_floor(const NcToolBody *body, SegVec3 a, SegVec3 b, double x, double y, double *z,
                     SegVec3 *normal)
 {
     Ends ends = {.t = {INFINITY, -INFINITY}};

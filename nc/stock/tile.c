@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "nc/motion/path.h"
 #include "nc/stock/ray.h"
 
 /* A tile while groups pass over it; coordinates (u, v, w) along its axis's cycle. */
@@ -21,11 +22,6 @@ static bool look_at(Tile *tile, const NcStock *stock, int axis, size_t index);
 static uint64_t choose_chords(const Tile *tile);
 static void cut_freely(Tile *tile, float u, float v);
 static void cut_in_order(Tile *tile, float u, float v);
-
-static double coordinate(SegVec3 p, int axis)
-{
-    return axis == 0 ? p.x : axis == 1 ? p.y : p.z;
-}
 
 /* Nothing but cutting can happen. */
 static bool is_free(const NcPrepared *group)
@@ -55,8 +51,8 @@ void nc_tile_remove(NcStock *stock, int axis, size_t index, const NcPrepared *co
             tile.ray.origin =
                 nc_dexel_origin(stock, axis, tile_u + i % NC_TILE, tile_v + i / NC_TILE);
             SegVec3 at = seg_sub(tile.ray.origin, all->origin);
-            float u = (float)coordinate(at, (axis + 1) % 3);
-            float v = (float)coordinate(at, (axis + 2) % 3);
+            float u = (float)nc_axis_value(at, (axis + 1) % 3);
+            float v = (float)nc_axis_value(at, (axis + 2) % 3);
             if (is_free(tile.group))
                 cut_freely(&tile, u, v);
             else
@@ -105,9 +101,9 @@ static uint64_t choose_chords(const Tile *tile)
 {
     const NcLanes *all = &tile->group->lanes[tile->ray.axis];
     int axis = tile->ray.axis;
-    double origin = coordinate(all->origin, axis);
-    float u = (float)(tile->mid_u - coordinate(all->origin, (axis + 1) % 3));
-    float v = (float)(tile->mid_v - coordinate(all->origin, (axis + 2) % 3));
+    double origin = nc_axis_value(all->origin, axis);
+    float u = (float)(tile->mid_u - nc_axis_value(all->origin, (axis + 1) % 3));
+    float v = (float)(tile->mid_v - nc_axis_value(all->origin, (axis + 2) % 3));
     float low[NC_GROUP], high[NC_GROUP], overlap[NC_GROUP];
     uint64_t chosen = 0;
     for (int k = 0; k < NC_N_PARTS; k++) {
@@ -137,9 +133,9 @@ static float from_origin(const Tile *tile, double origin, const NcDexelEnd *end)
 static void cut_freely(Tile *tile, float u, float v)
 {
     const NcGroup *group = tile->group->group;
-    const NcBody *body = &group->cutter->part[NC_PART_CUTTING];
+    const NcToolBody *body = &group->cutter->part[NC_PART_CUTTING];
     const NcDexelTile *rays = tile->ray.tile;
-    double middle, origin = coordinate(tile->lanes.origin, tile->ray.axis);
+    double middle, origin = nc_axis_value(tile->lanes.origin, tile->ray.axis);
     float low[NC_GROUP], high[NC_GROUP];
     nc_lanes_bounds(&tile->lanes, body, u, v, 0, low, high);
     for (;;) {
@@ -179,7 +175,7 @@ static void meet(Tile *tile, NcContact new)
 static void find_overlaps(const Tile *tile, const float *low, const float *high, float *overlap)
 {
     const NcDexelTile *rays = tile->ray.tile;
-    double origin = coordinate(tile->lanes.origin, tile->ray.axis);
+    double origin = nc_axis_value(tile->lanes.origin, tile->ray.axis);
     memset(overlap, 0, NC_GROUP * sizeof *overlap);
     for (uint32_t k = rays->first[tile->ray.ray]; k < rays->first[tile->ray.ray + 1]; k += 2)
         nc_lanes_overlap(&tile->lanes, low, high, from_origin(tile, origin, &rays->ends[k]),
@@ -200,7 +196,7 @@ static void rub(Tile *tile, const NcChord *chord)
         (level2 == 0 && chord->b.z > chord->a.z))
         return;
     double middle;
-    const NcBody *shank = &cutter->reach[NC_PART_SHANK];
+    const NcToolBody *shank = &cutter->reach[NC_PART_SHANK];
     if (!(nc_ray_measure(&tile->ray, shank, chord, &middle) > NC_CONTACT_MM))
         return;
     SegVec3 p = nc_dexel_point(tile->ray.axis, tile->ray.origin, middle);

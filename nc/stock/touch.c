@@ -7,7 +7,7 @@
 /* The tip's way. */
 typedef struct {
     const NcStock *stock;
-    NcBody body;
+    NcToolBody body;
     SegVec3 a, b;
 } Way;
 

@@ -1,16 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "nc/verify/material.h"
 
+#include "nc/motion/path.h"
 #include "nc/stock/dexel.h"
 
 #define PITCH_MM 0.1
 #define MEMORY_BYTES 512e6
 #define RAY_BYTES 64 /* of a ray, with what moves cut into it */
-
-static double coordinate(SegVec3 p, int axis)
-{
-    return axis == 0 ? p.x : axis == 1 ? p.y : p.z;
-}
 
 NcStock *nc_material_new(const NcPlanInput *input, const NcSetup *setup, double *pitch_mm,
                          GError **error)
@@ -21,8 +17,8 @@ NcStock *nc_material_new(const NcPlanInput *input, const NcSetup *setup, double 
     for (int32_t i = 0; i < part->n_vertices; i++) {
         SegVec3 p = nc_setup_point(setup, part->vertices[i].position);
         for (int d = 0; d < 3; d++) {
-            low[d] = fmin(low[d], coordinate(p, d));
-            high[d] = fmax(high[d], coordinate(p, d));
+            low[d] = fmin(low[d], nc_axis_value(p, d));
+            high[d] = fmax(high[d], nc_axis_value(p, d));
         }
     }
     bool sized = recipe->stock_kind == CFG_STOCK_BOX || recipe->stock_kind == CFG_STOCK_CYLINDER;
@@ -66,18 +62,18 @@ double nc_material_end_mm(const NcStock *stock, const CfgRecipe *recipe, SegVec3
         return recipe->allowance_mm;
     int axis = 0;
     for (int d = 1; d < 3; d++)
-        if (fabs(coordinate(normal, d)) > fabs(coordinate(normal, axis)))
+        if (fabs(nc_axis_value(normal, d)) > fabs(nc_axis_value(normal, axis)))
             axis = d;
     int32_t at[2];
     for (int k = 0; k < 2; k++) {
         int d = (axis + 1 + k) % 3;
-        double node = rint((coordinate(point, d) - stock->node_mm[d]) / stock->pitch_mm);
+        double node = rint((nc_axis_value(point, d) - stock->node_mm[d]) / stock->pitch_mm);
         at[k] = (int32_t)fmin(fmax(node, 0), stock->n_nodes[d] - 1);
     }
     size_t n;
     const NcDexelEnd *ends = nc_dexel_ray(stock, axis, at[0], at[1], &n);
-    double along = coordinate(normal, axis);
-    double end = along_ray(stock, axis, ends, n, coordinate(point, axis), along);
+    double along = nc_axis_value(normal, axis);
+    double end = along_ray(stock, axis, ends, n, nc_axis_value(point, axis), along);
     /* Where a ray has no material behind the point the part's size is as good as any depth. */
     double most = seg_distance(stock->min, stock->max);
     return fmin(fmax(end / fabs(along), -most), most);

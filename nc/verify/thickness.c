@@ -3,6 +3,8 @@
 
 #include <stdlib.h>
 
+#include "nc/motion/path.h"
+
 #define LEAF 4
 #define DEPTH_MOST 64
 
@@ -47,14 +49,9 @@ void nc_thickness_free(NcThickness *thickness)
 
 /* -------------------------------------------------------------------------- tree */
 
-static double at_axis(SegVec3 p, int axis)
-{
-    return axis == 0 ? p.x : axis == 1 ? p.y : p.z;
-}
-
 static double middle(const NcPatch *f, int axis)
 {
-    return at_axis(f->a, axis) + at_axis(f->b, axis) + at_axis(f->c, axis);
+    return nc_axis_value(f->a, axis) + nc_axis_value(f->b, axis) + nc_axis_value(f->c, axis);
 }
 
 typedef struct {
@@ -79,7 +76,8 @@ static size_t build(NcThickness *thickness, size_t first, size_t n)
     for (size_t i = first; i < first + n; i++) {
         const NcPatch *f = &thickness->facets[thickness->order[i]];
         for (int d = 0; d < 3; d++) {
-            double a = at_axis(f->a, d), b = at_axis(f->b, d), c = at_axis(f->c, d);
+            double a = nc_axis_value(f->a, d), b = nc_axis_value(f->b, d),
+                   c = nc_axis_value(f->c, d);
             node.low[d] = fmin(node.low[d], fmin(a, fmin(b, c)));
             node.high[d] = fmax(node.high[d], fmax(a, fmax(b, c)));
         }
@@ -112,7 +110,7 @@ static bool meets(const Node *node, const Ray *ray)
 {
     double from = ray->least, to = ray->most;
     for (int d = 0; d < 3; d++) {
-        double p = at_axis(ray->from, d), v = at_axis(ray->along, d);
+        double p = nc_axis_value(ray->from, d), v = nc_axis_value(ray->along, d);
         if (v == 0) {
             if (p < node->low[d] || p > node->high[d])
                 return false;

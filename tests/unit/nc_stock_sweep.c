@@ -121,7 +121,7 @@ static bool check_end(GRand *random, const CfgTool *tool, SegVec3 a, SegVec3 b, 
 }
 
 /* The kernel; along an axis the fast one where `fast`, which gives of Z only the lower end. */
-static int ends_on_line(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 origin, SegVec3 w,
+static int ends_on_line(const NcToolBody *body, SegVec3 a, SegVec3 b, SegVec3 origin, SegVec3 w,
                         bool fast, SegVec3 ends[2], SegVec3 normals[2])
 {
     double t[2];
@@ -147,7 +147,7 @@ static int ends_on_line(const NcBody *body, SegVec3 a, SegVec3 b, SegVec3 origin
 static bool check_line(GRand *random, const CfgTool *tool, SegVec3 a, SegVec3 b, SegVec3 origin,
                        SegVec3 w, bool fast, bool *hit)
 {
-    NcBody body = nc_body_cutting(tool);
+    NcToolBody body = nc_body_cutting(tool);
     SegVec3 ends[2], normals[2];
     int n = ends_on_line(&body, a, b, origin, w, fast, ends, normals);
     *hit = n > 0;
@@ -206,7 +206,7 @@ static void test_axes(void)
 /* A ball on a level move: the line across it, and the one down on it, have textbook ends. */
 static void test_ball_closed_form(void)
 {
-    NcBody body = nc_body_cutting(&test_tools.tools[1]);
+    NcToolBody body = nc_body_cutting(&test_tools.tools[1]);
     SegVec3 a = {0, 0, 0}, b = {10, 0, 0}, n[2];
     double t0, t1;
     g_assert_true(
@@ -228,7 +228,7 @@ static void test_ball_closed_form(void)
  * move. */
 static void test_flat_ramp(void)
 {
-    NcBody body = nc_body_cutting(&test_tools.tools[0]);
+    NcToolBody body = nc_body_cutting(&test_tools.tools[0]);
     SegVec3 a = {0, 0, 1}, b = {10, 0, 0}, n[2];
     double t0, t1;
     g_assert_true(
@@ -240,7 +240,7 @@ static void test_flat_ramp(void)
 static void test_profiles(void)
 {
     for (size_t i = 0; i < N_KINDS; i++) {
-        NcBody body = nc_body_cutting(&test_tools.tools[i]);
+        NcToolBody body = nc_body_cutting(&test_tools.tools[i]);
         test_near(body.top, test_tools.tools[i].flute_length_mm, 0, 0);
         for (double z = 0.001; z < test_tools.tools[i].flute_length_mm; z += 0.0137) {
             double r = test_drawn_radius(&test_tools.tools[i], z);
@@ -251,7 +251,7 @@ static void test_profiles(void)
         g_assert_true(isinf(nc_body_height_mm(&body, body.radius + 1e-9)));
     }
     const CfgTool *stepped = &test_tools.tools[6];
-    NcBody shank = nc_body_shank(stepped), holder = nc_body_holder(stepped);
+    NcToolBody shank = nc_body_shank(stepped), holder = nc_body_holder(stepped);
     test_near(shank.bottom, 5, 0, 0);
     test_near(shank.top, 30, 0, 0);
     test_near(shank.radius, 4, 0, 0);
